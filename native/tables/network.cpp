@@ -8,6 +8,11 @@
 namespace lcorpp {
 
 constexpr std::size_t min_copied = 64;  // smaller messages are written as they are read
+// Steps are computed for all values of the observed variables that they read, if there are few or the work is small.
+constexpr double max_open_values = 64.0;
+constexpr double max_small_work = 2e4;  // multiplications
+constexpr double max_step_work = 2e7;
+constexpr double max_open_work = 4e7;  // of all these steps, some 50 ms
 
 Plan::Plan(std::shared_ptr<const Network> network, Question question)
     : network_(std::move(network)), question_(std::move(question)) {
@@ -54,26 +59,20 @@ Plan::Plan(std::shared_ptr<const Network> network, Question question)
     };
     for (std::size_t i = 0; i < needed.size(); ++i) {
         if (!needed[i]) continue;
-        Operand operand{Kind::table, static_cast<int>(i), {}, {}, {}};
-        Offset stride = 1;
         const auto& scope = network_->scopes[i];
-        for (std::size_t k = scope.size(); k-- > 0;) {
-            const int v = scope[k];
-            if (is_fixed[v]) {
-                operand.observed.emplace_back(observed_index[v], stride);
-            } else {
-                operand.scope.push_back(v);
-                operand.strides.push_back(stride);
-            }
-            stride *= network_->sizes[v];
-        }
+        Operand operand{Kind::table, static_cast<int>(i), scope, list_strides(scope), {}};
         add(std::move(operand));
     }
     for (std::size_t i = 0; i < question_.weighted.size(); ++i) {
         add({Kind::weights, static_cast<int>(i), {question_.weighted[i]}, {1}, {}});
     }
+    double open_work = question_.marginals ? 0.0 : max_open_work;
     for (std::size_t i = 0; i < steps_.size(); ++i) {
         Step& step = steps_[i];
+        step.is_static = std::none_of(step.operands.begin(), step.operands.end(), [&](const Operand& operand) {
+            return operand.kind == Kind::weights || (operand.kind == Kind::message && !steps_[operand.index].is_static);
+        });
+        if (!(step.is_static && can_open(step, is_fixed, open_work))) fix_observed(step, observed_index);
         if (step.variable < 0) {
             step.scope = question_.kept;
         } else {
@@ -92,11 +91,6 @@ Plan::Plan(std::shared_ptr<const Network> network, Question question)
             step.size *= static_cast<std::size_t>(network_->sizes[v]);
         }
         memory_ += size;
-        step.is_static = true;
-        for (const Operand& operand : step.operands) {
-            step.is_static &= operand.observed.empty() && operand.kind != Kind::weights &&
-                              (operand.kind != Kind::message || steps_[operand.index].is_static);
-        }
         if (step.variable >= 0) add({Kind::message, static_cast<int>(i), step.scope, {}, {}});
     }
     std::vector<Use> uses(n);
@@ -120,6 +114,50 @@ Plan::Plan(std::shared_ptr<const Network> network, Question question)
         }
     } else {
         result_size_ = steps_.back().size;
+    }
+}
+
+// Whether a step can be computed for all values of its observed variables at once, so that new evidence does not repeat it;
+// the work is taken from what is left for such steps.
+bool Plan::can_open(const Step& step, const std::vector<bool>& is_fixed, double& open_work) const {
+    std::vector<int> all;
+    bool has_observed = false;
+    double n_values = 1.0;  // of the observed variables together
+    for (const Operand& operand : step.operands) {
+        for (const int v : operand.scope) {
+            if (std::find(all.begin(), all.end(), v) != all.end()) continue;
+            all.push_back(v);
+            has_observed |= is_fixed[v];
+            if (is_fixed[v]) n_values *= network_->sizes[v];
+        }
+    }
+    if (!has_observed) return true;
+    double work = static_cast<double>(step.operands.size());
+    for (const int v : all) work *= network_->sizes[v];
+    const double limit = std::min(open_work, n_values > max_open_values ? max_small_work : max_step_work);
+    if (step.variable < 0 || work > limit) return false;
+    open_work -= work;
+    return true;
+}
+
+// Let a step read its operands at the observed values only, once for each evidence.
+void Plan::fix_observed(Step& step, const std::vector<int>& observed_index) const {
+    for (Operand& operand : step.operands) {
+        std::size_t n_free = 0;
+        for (std::size_t k = 0; k < operand.scope.size(); ++k) {
+            const int v = operand.scope[k];
+            const Offset stride = operand.strides.empty() ? 0 : operand.strides[k];  // those of messages follow later
+            if (observed_index[v] >= 0) {
+                step.is_static = false;
+                operand.observed.emplace_back(observed_index[v], stride);
+                continue;
+            }
+            operand.scope[n_free] = v;
+            if (!operand.strides.empty()) operand.strides[n_free] = stride;
+            ++n_free;
+        }
+        operand.scope.resize(n_free);
+        if (!operand.strides.empty()) operand.strides.resize(n_free);
     }
 }
 
@@ -147,8 +185,13 @@ void Plan::arrange_messages(Step& step, std::vector<Use>& uses) {
             if (one.signature != other.signature) return one.signature < other.signature;
             return one.place < other.place;
         });
-        operand.strides = list_strides(scope);
-        steps_[operand.index].scope = scope;
+        std::vector<int>& own = steps_[operand.index].scope;  // first the observed variables, whose values are chosen
+        own.clear();
+        for (const auto& [k, stride] : operand.observed) own.push_back(question_.observed[static_cast<std::size_t>(k)]);
+        own.insert(own.end(), scope.begin(), scope.end());
+        std::vector<Offset> strides = list_strides(own);
+        for (std::size_t k = 0; k < operand.observed.size(); ++k) operand.observed[k].second = strides[k];
+        operand.strides.assign(strides.begin() + static_cast<Offset>(operand.observed.size()), strides.end());
     }
 }
 

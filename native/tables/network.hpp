@@ -63,7 +63,7 @@ class Plan {
     const std::vector<int>& order() const { return order_; }    // of the variables that are summed out
     const std::vector<int>& tables() const { return tables_; }  // those that are read
 
-    // Compute the messages that do not depend on evidence. `check` is called from time to time, and may throw.
+    // Compute the messages that are the same for all evidence. `check` is called from time to time, and may throw.
     template <typename Check>
     void prepare(Check& check) {
         prepare_all<double>(numbers_, check);
@@ -102,7 +102,7 @@ class Plan {
         std::vector<int> scope;  // of the message
         std::vector<Operand> operands;
         std::size_t size;  // of the message
-        bool is_static;    // whether it depends on no evidence
+        bool is_static;    // whether it is the same for all evidence; its scope may have observed variables
         bool is_copied = false;  // whether `nest` writes the message in another order, and `copy` reorders it
         Reorder copy;
         // LoopNest has no state but its shape, so floating-point and wide numbers each have their own
@@ -117,6 +117,8 @@ class Plan {
         int place = -1;
     };
 
+    bool can_open(const Step& step, const std::vector<bool>& is_fixed, double& open_work) const;
+    void fix_observed(Step& step, const std::vector<int>& observed_index) const;
     void arrange_messages(Step& step, std::vector<Use>& uses);
     void arrange_loops(Step& step);
     std::vector<Offset> list_strides(const std::vector<int>& scope) const;

@@ -54,13 +54,15 @@ inline const LoopNest<WideNumber>& Plan::get_nest<WideNumber>(const Step& step) 
 template <typename T>
 const T* Plan::locate(const Numbers<T>& numbers, const Operand& operand, const Evidence* evidence,
                       const std::vector<T>& weights) const {
+    const auto i = static_cast<std::size_t>(operand.index);
+    if (operand.kind == Kind::weights) return weights.data() + weight_offsets_[i];
     const T* values;
-    if (operand.kind == Kind::message) return numbers.messages[static_cast<std::size_t>(operand.index)].data();
-    if (operand.kind == Kind::weights) return weights.data() + weight_offsets_[static_cast<std::size_t>(operand.index)];
-    if constexpr (std::is_same_v<T, double>) {
-        values = network_->tables[static_cast<std::size_t>(operand.index)].data();
+    if (operand.kind == Kind::message) {
+        values = numbers.messages[i].data();
+    } else if constexpr (std::is_same_v<T, double>) {
+        values = network_->tables[i].data();
     } else {
-        values = numbers.tables[static_cast<std::size_t>(operand.index)].data();
+        values = numbers.tables[i].data();
     }
     for (const auto& [index, stride] : operand.observed) values += stride * evidence->values[index];
     return values;

@@ -188,6 +188,27 @@ def test_tables_of_many_shapes_are_summed_as_by_einsum(seed):
     np.testing.assert_allclose(found[0] / found[0].max(), expected / expected.max(), rtol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_one_plan_answers_all_values_of_its_observed_variables(seed):
+    """Some steps are computed for all values at once, the others for each evidence."""
+    rng = np.random.default_rng(seed)
+    n_variables, n_tables = 9, 8
+    sizes = rng.integers(2, 8, n_variables).tolist()
+    scopes = [rng.choice(n_variables, rng.integers(1, 5), replace=False).tolist() for _ in range(n_tables)]
+    arrays = [rng.random(own) * (rng.random(own) > 0.1) for own in ([sizes[v] for v in s] for s in scopes)]
+    seen = sorted({v for scope in scopes for v in scope})
+    chosen = rng.permutation(seen)[: rng.integers(2, 7)].tolist()
+    kept, observed = chosen[:1], chosen[1:]
+    network = Network(sizes, scopes, [np.ascontiguousarray(a).ravel() for a in arrays], [-1] * n_tables)
+    operands = [part for array, scope in zip(arrays, scopes, strict=True) for part in (array, scope)]
+    expected = np.einsum(*operands, [*observed, *kept], optimize=True)
+    rows = np.column_stack([rng.integers(0, sizes[v], 200) for v in observed])
+    found, logarithms = network.plan(kept, observed, []).evaluate(rows, np.zeros((200, 0)))
+    own = expected[tuple(rows.T)]
+    assert (own.sum(axis=1) > 0).any()
+    np.testing.assert_allclose(found * np.exp(logarithms)[:, None], own, rtol=1e-12)
+
+
 def test_wrong_arguments_of_the_kernel():
     table = np.array([0.5, 0.5])
     for scopes, own, children, words in (

@@ -1,7 +1,7 @@
 """Questions to a factor graph: which variables are kept, observed or weighted, and the plan for each kind.
 
-A plan is an elimination order with the sums that depend on no evidence; new evidence of the same kind repeats
-only the others. Its cost is known before it is carried out.
+A plan is an elimination order with the sums that depend on no evidence, or are computed for all values that
+they observe; new evidence of the same kind repeats only the others. Its cost is known before it starts.
 
 Source: Dechter, "Bucket elimination: a unifying framework for reasoning", Artificial Intelligence 113, 1999.
 """
