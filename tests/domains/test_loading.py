@@ -258,11 +258,33 @@ def test_inconsistent_files_are_located(folder, file, old, new, words):
 
 
 def test_unknown_presets_and_missing_files(folder):
-    with pytest.raises(DomainError, match="unknown preset 'wild'; expected one of calm, hectic"):
-        load_domain(folder, preset="wild")
+    for preset in ("wild", "calm,wild"):
+        with pytest.raises(DomainError, match="unknown preset 'wild'; expected one of calm, hectic"):
+            load_domain(folder, preset=preset)
+    with pytest.raises(DomainError, match="unknown preset ''"):
+        load_domain(folder, preset="calm,")
+    with pytest.raises(DomainError, match="preset 'calm' is there twice"):
+        load_domain(folder, preset="calm,calm")
     (folder / POMDP).unlink()
     with pytest.raises(FileError, match=r"guide\.pomdp: cannot be read"):
         load_domain(folder)
+
+
+def test_presets_are_merged_in_their_order(folder):
+    text = (folder / TOML).read_text()
+    (folder / TOML).write_text(
+        f"{text}\n[presets.quiet.simulation]\nnoise = 0.03\n[presets.wrong.simulation]\nnoise = 7\n"
+    )
+    both, other = load_domain(folder, preset="hectic, quiet"), load_domain(folder, preset="quiet,hectic")
+    assert (both.preset, other.preset) == ("hectic,quiet", "quiet,hectic")
+    hectic = load_domain(folder, preset="hectic")
+    changed = load_domain(folder, preset="hectic", changes={"simulation": {"noise": 0.03}})
+    for one, same in ((both, changed), (other, hectic)):
+        np.testing.assert_array_equal(one.simulation.feedback_model, same.simulation.feedback_model)
+    assert (changed.simulation.feedback_model != hectic.simulation.feedback_model).any()
+    line = len(text.splitlines()) + 5
+    with pytest.raises(LcorppError, match=rf"domain\.toml:{line}: .*noise"):
+        load_domain(folder, preset="hectic,wrong")
 
 
 def test_rows_of_a_channel_sum_to_1(folder):

@@ -36,7 +36,8 @@ def load_domain(
 
     Args:
         name_or_folder: a folder with a `domain.toml`, that file, or the name of a shipped domain.
-        preset: name of a preset; None for the first, if the domain has any.
+        preset: name of a preset, or names with commas, of which later ones replace keys of earlier ones; None
+            for the first, if the domain has any.
         changes: of `domain.toml`, after the preset: nested tables such as ``{"simulation": {"noise": 0.2}}``.
 
     Raises:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -163,36 +163,37 @@ def read_toml(path: Path) -> TomlTable:
         FileError, ParseError: the file cannot be read or is not TOML.
     """
     text = read_text(path, MAX_TOML_BYTES)
-    return TomlTable(_parse(path, text), _KeyLines(str(path), text, None))
+    return TomlTable(_parse(path, text), _KeyLines(str(path), text, ()))
 
 
 def read_domain_toml(
     path: Path, preset: str | None, changes: Mapping[str, Any]
 ) -> tuple[TomlTable, str | None]:
-    """Read a `domain.toml` and merge one of its presets into it.
+    """Read a `domain.toml` and merge presets into it.
 
     Args:
-        preset: a name under `[presets]`; None for the first, if any.
-        changes: merged after the preset.
+        preset: names under `[presets]`, with commas; later ones replace keys of earlier ones. None for the
+            first preset, if any.
+        changes: merged after the presets.
 
     Returns:
-        The merged table and the name of the preset, None without one.
+        The merged table and the names of the presets, with commas; None without one.
 
     Raises:
         FileError, ParseError: the file cannot be read or is not TOML.
-        DomainError: the preset is unknown.
+        DomainError: a preset is unknown, or there twice.
     """
     text = _read_inside(path)
     table = _parse(path, text)
     presets = table.pop("presets", {})
-    if preset is None:
-        preset = next(iter(presets), None)
-    elif preset not in presets:
-        raise DomainError(f"{path}: unknown preset {preset!r}; {expected_one_of(presets)}")
-    overrides = dict(presets.get(preset, {})) if preset else {}
-    overrides.pop("description", None)
-    merged = _merge(_merge(table, overrides), changes)
-    return TomlTable(merged, _KeyLines(str(path), text, preset)), preset
+    names = list(presets)[:1] if preset is None else [name.strip() for name in preset.split(",")]
+    for name in names:
+        if name not in presets:
+            raise DomainError(f"{path}: unknown preset {name!r}; {expected_one_of(presets)}")
+        if names.count(name) > 1:
+            raise DomainError(f"{path}: preset {name!r} is there twice")
+        table = _merge(table, {key: value for key, value in presets[name].items() if key != "description"})
+    return TomlTable(_merge(table, changes), _KeyLines(str(path), text, names)), ",".join(names) or None
 
 
 def read_preset_names(folder: Path) -> tuple[str, ...]:
@@ -233,9 +234,9 @@ def _merge(base: Mapping[str, Any], overrides: Mapping[str, Any]) -> dict[str, A
 class _KeyLines:
     """Line number of each key of a TOML text, which tomllib does not provide."""
 
-    def __init__(self, file: str, text: str, preset: str | None) -> None:
+    def __init__(self, file: str, text: str, presets: Sequence[str]) -> None:
         self.file = file
-        self._preset: Keys = ("presets", preset) if preset else ()
+        self._prefixes: list[Keys] = [*[("presets", name) for name in reversed(presets)], ()]
         self._lines: dict[Keys, int] = {}
         header: Keys = ()
         counts: dict[Keys, int] = {}  # of the tables [[name]] so far
@@ -258,12 +259,12 @@ class _KeyLines:
                 self._lines.setdefault(header + _split_key(match[1]), number)
 
     def line(self, path: Keys) -> int:
-        """Return the line of a key, in the preset if it is there.
+        """Return the line of a key, in the last preset that has it.
 
         If the key is missing, this is the line of its closest table.
         """
         for length in range(len(path), 0, -1):
-            for prefix in (self._preset, ()):
+            for prefix in self._prefixes:
                 if (line := self._lines.get(prefix + path[:length])) is not None:
                     return line
         return 1

@@ -47,7 +47,9 @@ class Format(StrEnum):
 DomainArgument = Annotated[
     str, typer.Argument(metavar="DOMAIN", help="A domain folder, or the name of a shipped domain.")
 ]
-PresetOption = Annotated[str | None, typer.Option(help="A preset of the domain; the first one by default.")]
+PresetOption = Annotated[
+    str | None, typer.Option(help="A preset of the domain, or several with commas; the first one by default.")
+]
 SeedOption = Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of all random numbers.")]
 JobsOption = Annotated[
     int | None, typer.Option(min=1, help="Processes; all cores by default. The results are the same.")
