@@ -8,6 +8,7 @@ import threading
 
 import pytest
 
+from lcorpp.errors import FileError
 from lcorpp.learning import save_classifier
 from tests.robot.conftest import folder, parts  # noqa: F401
 from tests.worlds.ros.stand_in import BASE, StandIn, robot_toml
@@ -118,6 +119,20 @@ def test_an_interrupt_stops_the_robot(lcorpp, config, number):
     assert re.match(NOTE + re.escape(begin), error)
     assert "/navigate_to_pose has confirmed the cancellation" in error
     wait_until(lambda: robot.stops and robot.cancels)
+    robot.close()
+
+
+def test_a_log_that_cannot_be_written_stops_the_robot(lcorpp, config, tmp_path, monkeypatch):
+    def fail(self, lines):
+        raise FileError(f"{self.path}: cannot be written: No space left on device")
+
+    monkeypatch.setattr("lcorpp.logs.decision_log.DecisionLog.append_lines", fail)
+    robot, log = StandIn(), tmp_path / "robot.jsonl"
+    ended = lcorpp("robot", "--config", config(robot.url), "--log", log)
+    assert ended.code == 2
+    words = f"lcorpp: {log}: cannot be written: No space left on device; ended after 1 decision, the last one"
+    assert re.match(NOTE + re.escape(f"{words} is not in the log; an order to stop was sent"), ended.err)
+    wait_until(lambda: robot.stops)
     robot.close()
 
 

@@ -144,7 +144,13 @@ def robot(
             for decision in loop.run(decisions):
                 count += 1
                 _print_decision(decision)
-                _log_decision(kept, parts, strategy, decision)
+                try:
+                    _log_decision(kept, parts, strategy, decision)
+                except FileError as error:
+                    made = f"after {count} decision{'s' * (count != 1)}"
+                    raise FileError(
+                        f"{error}; ended {made}, the last one is not in the log; {loop.stop()}"
+                    ) from None
                 if session_file is not None and loop.session is not None:
                     _write_state(session_file, loop.session)
         except KeyboardInterrupt:
