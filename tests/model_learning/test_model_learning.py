@@ -14,6 +14,7 @@ from lcorpp import load_domain
 from lcorpp.errors import DataError, DomainError, ModelError
 from lcorpp.model_learning import Episodes, Step, format_report, learn_model, read_episodes, write_model
 from lcorpp.model_learning.baum_welch import Parameters, expect
+from lcorpp.model_learning.draws import average_models
 from lcorpp.model_learning.spaces import Space
 from lcorpp.model_learning.structure import MOVES, RESTARTS, STAYS, Structure, _draw_rows, tie_rows
 from lcorpp.planning import read_pomdp, simulate, solve
@@ -109,6 +110,28 @@ def test_the_model_of_a_question_is_found():
     assert pomdp.observation[ask][0, hear_tea] == pytest.approx(0.15, abs=0.07)
     assert pomdp.reward[pomdp.action_index("bring_tea"), :2] == pytest.approx([-10, 10], abs=0.1)
     assert learnt.model.structure.effects[ask] == STAYS
+
+
+def test_numbers_are_means_of_draws_unless_states_change_places():
+    learnt = learn_model(make_people(60, seed=2), reports="bring_{wish}", draws=30)
+    own = learnt.model.parameters
+    mean = np.mean([each.observation for each in learnt.draws], axis=0)
+    np.testing.assert_allclose(own.observation, mean)
+    exchanged = [
+        Parameters(
+            each.start[::-1],
+            each.transition[:, ::-1][:, :, [1, 0, 2]],
+            each.observation[:, [1, 0, 2]],
+            each.reward[:, ::-1],
+        )
+        for each in learnt.draws[::2]
+    ]
+    model = replace(
+        learnt.model, structure=replace(learnt.model.structure, values=np.zeros(2, dtype=np.intp))
+    )
+    same = average_models(learnt.episodes, model, learnt.draws[1::2])
+    assert same is not model
+    assert average_models(learnt.episodes, model, [*exchanged, *learnt.draws[1::2]]) is model
 
 
 def test_states_have_no_names_without_reports():

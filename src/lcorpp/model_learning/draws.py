@@ -10,7 +10,8 @@ Source: Scott, Bayesian methods for hidden Markov models, Journal of the America
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from lcorpp.model_learning.structure import Model, draw_parameters, fit
 SWEEPS = 10
 """Draws of paths and parameters between two models that are returned."""
 
+MAX_LOSS = 2.0
+"""Maximum loss of log-likelihood by the means of draws: by those of several modes it is larger."""
 
 RESAMPLED_TOLERANCE = 1e-7
 """Tolerance of `fit` with resampled episodes, which begins at the estimate of all."""
@@ -39,6 +42,19 @@ def draw_models(
             counts = expect(episodes, parameters, model.structure.values, rng).counts
             parameters = draw_parameters(counts, pseudo, model.structure, rng)
         yield parameters
+
+
+def average_models(episodes: Episodes, model: Model, draws: Sequence[Parameters]) -> Model:
+    """Return a model with the means of draws from its posterior, by which a policy earns most on average.
+
+    If the draws are of several modes, e.g. as hidden states have changed places, the data are less likely by
+    the means than by the estimate (`MAX_LOSS`): the model is then returned as it is.
+    """
+    mean = Parameters(
+        *(np.mean([getattr(own, each.name) for own in draws], axis=0) for each in fields(Parameters))
+    )
+    own = float(expect(episodes, mean, model.structure.values).log_likelihoods.sum())
+    return Model(mean, model.structure, own) if own >= model.log_likelihood - MAX_LOSS else model
 
 
 def resample_models(

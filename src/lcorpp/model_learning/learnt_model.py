@@ -11,7 +11,7 @@ import numpy as np
 from lcorpp.domains.sections.learning import Sense
 from lcorpp.errors import DataError, ModelError
 from lcorpp.model_learning.baum_welch import Parameters, Prior, expect
-from lcorpp.model_learning.draws import draw_models
+from lcorpp.model_learning.draws import average_models, draw_models
 from lcorpp.model_learning.episode_records import add_evidence, make_records
 from lcorpp.model_learning.episodes import Episodes
 from lcorpp.model_learning.knowledge.knowledge import Knowledge, check_attributes, learn_knowledge
@@ -112,7 +112,7 @@ def learn_model(
     """Learn a POMDP from episodes in which the states are hidden.
 
     The number of states, what each action does to the state, and which states are alike are chosen by the
-    Bayesian information criterion; the numbers maximise the posterior density.
+    Bayesian information criterion; the numbers are means of draws from the posterior.
 
     Args:
         episodes: the data.
@@ -170,6 +170,7 @@ def learn_model(
     model = learn(episodes, space, limit, rng, progress)
     pseudo = Prior.of(episodes).pseudo_counts(model.parameters.count, space)
     drawn = tuple(draw_models(episodes, model, pseudo, draws, rng))
+    model = average_models(episodes, model, drawn)
     knowledge = None
     if space.variables:
         names = [list(dict.fromkeys(own)) for own in zip(*space.values, strict=True)]
