@@ -49,7 +49,7 @@ class Domain:
     """Contents of a domain folder, checked as a whole by `load_domain`.
 
     name, description: for reports. folder: its path.
-    preset: name of the chosen preset, None without one.
+    preset: name of the chosen preset, or names with commas; None without one.
     reasoning, planning, simulation: the sections of its `domain.toml`.
     senses: the sections `[[learning]]`, none for a robot without classifiers. baselines: those that only the
         strategies of their names use.
