@@ -101,7 +101,8 @@ def estimate_return(learnt: LearntModel, *, seconds: float = SECONDS) -> LearntR
     drawn, without = values[1 : 1 + len(learnt.draws)], values[1 + len(learnt.draws) :]
     low, high = np.quantile(drawn, [0.025, 0.975], method="weibull")
     most = float(unfollowed.max())
-    low, high = float(min([low, *without])), float(max([high, *without]))
+    left = NO_PRIOR * np.abs(without)  # what the prior that is left may change
+    low, high = float(min([low, *(without - left)])), float(max([high, *(without + left)]))
     taken = set(graph.actions[visits > 0].tolist()) - set(learnt.episodes.actions.tolist())
     is_report = learnt.space.is_report
     unseen = tuple(learnt.episodes.action_names[a] for a in sorted(taken) if not is_report[a])
