@@ -11,7 +11,7 @@ streams.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -129,7 +129,7 @@ def prepare(people: People) -> Domain:
 
 @dataclass(frozen=True)
 class Crowd:
-    """People who are met one after another.
+    """Simulated people in the order in which the robot meets them, and what it observes of each.
 
     domain, planner, reasoner, channels: of the robot. instances: what it observes of each.
     persons: their values. places: index of the person, the same for one who comes again.
@@ -223,6 +223,23 @@ def describe(name: str, streams: Sequence[Stream]) -> str:
     )
 
 
+def print_table(
+    header: str, names: Iterable[str], text: str, make_row: Callable[[int, str], str], out: Path | None
+) -> None:
+    """Print the rows whose name contains a text as they are measured, and write them to a file.
+
+    make_row: of the number and the name of a row.
+    """
+    print(header, end="")
+    lines = [header]
+    for number, name in enumerate(names):
+        if text in name:
+            lines.append(make_row(number, name))
+            print(lines[-1], end="", flush=True)
+    if out is not None:
+        write_atomically(out, "".join(lines))
+
+
 def main(
     streams: Annotated[int, typer.Option(min=1)] = 16,
     people: Annotated[int, typer.Option(min=100, help="People a stream.")] = 2000,
@@ -232,17 +249,12 @@ def main(
     out: Annotated[Path | None, typer.Option(dir_okay=False)] = None,
 ) -> None:
     """Simulate streams of people and print a table."""
-    print(HEADER, end="")
-    text = HEADER
-    for number, (name, kind) in enumerate(ROWS.items()):
-        if rows not in name:
-            continue
-        calls = (delayed(run_stream)(kind, people, (seed, number, k)) for k in range(streams))
-        row = describe(name, list(Parallel(n_jobs=jobs)(calls)))
-        print(row, end="", flush=True)
-        text += row
-    if out is not None:
-        write_atomically(out, text)
+
+    def make_row(number: int, name: str) -> str:
+        calls = (delayed(run_stream)(ROWS[name], people, (seed, number, k)) for k in range(streams))
+        return describe(name, list(Parallel(n_jobs=jobs)(calls)))
+
+    print_table(HEADER, ROWS, rows, make_row, out)
 
 
 if __name__ == "__main__":

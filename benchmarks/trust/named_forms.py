@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from answer_forms import ROWS, People, draw_crowd
+from answer_forms import ROWS, People, draw_crowd, print_table
 from joblib import Parallel, delayed
 
 from lcorpp.audit.answer_forms import list_form_tests
@@ -21,7 +21,6 @@ from lcorpp.audit.estimates import choose_form
 from lcorpp.audit.logged_people import AnsweredPerson, LoggedPeople
 from lcorpp.decision import Robot, dt_control
 from lcorpp.domains.dialogue import DomainDialogue
-from lcorpp.files import write_atomically
 from lcorpp.trust.cases import Cases
 from lcorpp.trust.sources.stated import StatedSources
 
@@ -77,19 +76,14 @@ def main(
     out: Annotated[Path | None, typer.Option(dir_okay=False)] = None,
 ) -> None:
     """Audit logs of people and print how often each form is named."""
-    print(HEADER, end="")
-    text = HEADER
-    for number, name in enumerate(NAMED):
-        if rows not in name:
-            continue
+
+    def make_row(number: int, name: str) -> str:
         calls = (delayed(name_form)(ROWS[name], people, (seed, number, k)) for k in range(logs))
         found = list(Parallel(n_jobs=jobs)(calls))
         named = ", ".join(f"{form} {found.count(form)}" for form in dict.fromkeys(found))
-        row = f"| {name} | {named} |\n"
-        print(row, end="", flush=True)
-        text += row
-    if out is not None:
-        write_atomically(out, text)
+        return f"| {name} | {named} |\n"
+
+    print_table(HEADER, NAMED, rows, make_row, out)
 
 
 if __name__ == "__main__":

@@ -144,15 +144,12 @@ def robot(
             for decision in loop.run(decisions):
                 count += 1
                 _print_decision(decision)
-                try:
-                    _log_decision(kept, parts, strategy, decision)
-                except FileError as error:
-                    made = f"after {count} decision{'s' * (count != 1)}"
-                    raise FileError(
-                        f"{error}; ended {made}, the last one is not in the log; {loop.stop()}"
-                    ) from None
+                _log_decision(kept, parts, strategy, decision)
                 if session_file is not None and loop.session is not None:
                     _write_state(session_file, loop.session)
+        except FileError as error:  # of the log
+            made = f"after {count} decision{'s' * (count != 1)}"
+            raise FileError(f"{error}; ended {made}, the last one is not in the log; {loop.stop()}") from None
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one must not prevent the stop
             where = "" if log is None else f"; they are in {log}"
