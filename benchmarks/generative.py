@@ -25,6 +25,7 @@ from scipy.stats import norm
 
 from lcorpp.files import make_folder, write_atomically
 from lcorpp.planning import GenerativeModel, GenerativePlanner, SearchOptions, Widening
+from lcorpp.values import Array
 
 MAX_STEPS = 90
 """Longer episodes end."""
@@ -205,61 +206,90 @@ class RockSample:
     States are (x, y, qualities as bits); x is the size after the exit.
     """
 
+    vectorised = True
     discount, half_distance = 0.95, 20.0
     observations = ("none", "good", "bad")
     moves: ClassVar = {"north": (0, 1), "south": (0, -1), "east": (1, 0), "west": (-1, 0)}
+    sample = len(moves)
 
     def __init__(self, size: int = 15, rocks: int = 15, seed: int = 0) -> None:
         rng = np.random.default_rng(seed)
         places = rng.choice(size * size, rocks, replace=False)
-        self.size, self.rocks = size, [(int(p) % size, int(p) // size) for p in places]
+        self.size, self.rocks = size, np.stack([places % size, places // size])
         self.actions = (*self.moves, "sample", *(f"check_{r}" for r in range(rocks)))
-        self._at = {place: r for r, place in enumerate(self.rocks)}
+        self._steps = np.array([*self.moves.values(), *[(0, 0)] * (rocks + 1)]).T
+        cells = np.stack(np.meshgrid(np.arange(size + 1), np.arange(size), indexing="ij"))
+        away = cells[..., None] - self.rocks[:, None, None, :]  # (2, size + 1, size, rocks)
+        self._rock_at = np.where((away == 0).all(axis=0), np.arange(rocks), -1).max(axis=2)
+        self._accuracy = 0.5 * (1 + 2 ** (-np.sqrt((away**2).sum(axis=0)) / self.half_distance))
+        self._weights = self.discount ** np.abs(away).sum(axis=0)  # of rewards at the rocks
+        self._exit = 10 * self.discount ** (size - 1.0 - np.arange(size + 1))
+        self._tours = self._find_tours()
 
-    def start(self, value: str, rng: np.random.Generator) -> tuple[int, int, int]:
+    def start(self, value: str, count: int, rng: np.random.Generator) -> Array:
         """Start at the left; each rock is good with probability .5."""
-        return 0, self.size // 2, int(rng.integers(1 << len(self.rocks)))
+        good = rng.integers(1 << self.rocks.shape[1], size=count)
+        return np.stack([np.zeros_like(good), np.full_like(good, self.size // 2), good], axis=1)
 
-    def step(
-        self, state: tuple[int, int, int], action: str, rng: np.random.Generator
-    ) -> tuple[tuple[int, int, int], str, float]:
+    def step(self, states: Array, actions: Array, rng: np.random.Generator) -> tuple[Array, Array, Array]:
         """Move, sample or check a rock."""
-        x, y, good = state
-        if action in self.moves:
-            dx, dy = self.moves[action]
-            x, y = max(0, x + dx), min(self.size - 1, max(0, y + dy))
-            return (x, y, good), "none", 10.0 if x == self.size else 0.0
-        if action == "sample":
-            rock = self._at.get((x, y))
-            if rock is None:
-                return state, "none", -100.0
-            is_good = good >> rock & 1
-            return (x, y, good & ~(1 << rock)), "none", 10.0 if is_good else -10.0
-        is_good = bool(good >> int(action[6:]) & 1)
-        is_right = rng.random() < self._accuracy(x, y, int(action[6:]))
-        return state, "good" if is_good == is_right else "bad", 0.0
+        x, y, good = states.T
+        dx, dy = self._steps[:, actions]
+        after = np.maximum(0, x + dx)
+        is_sample, rock = actions == self.sample, self._rock_at[x, y]
+        bit = np.where(is_sample & (rock >= 0), 1 << np.maximum(rock, 0), 0)
+        sampled = np.where(rock < 0, -100.0, np.where(good & bit, 10.0, -10.0))
+        rewards = np.where(is_sample, sampled, np.where(after == self.size, 10.0, 0.0))
+        is_right = rng.random(len(states)) < self._find_accuracy(states, actions)
+        seen = np.where(actions > self.sample, 1 + (is_right != self._is_good(states, actions)), 0)
+        return np.stack([after, np.clip(y + dy, 0, self.size - 1), good & ~bit], axis=1), seen, rewards
 
-    def likelihood(
-        self, observation: str, state: tuple[int, int, int], action: str, after: tuple[int, int, int]
-    ) -> float:
+    def likelihood(self, observations: Array, states: Array, actions: Array, after: Array) -> Array:
         """Return the probability of the sensor's reading."""
-        if not action.startswith("check"):
-            return float(observation == "none")
-        rock = int(action[6:])
-        accuracy = self._accuracy(state[0], state[1], rock)
-        return accuracy if bool(state[2] >> rock & 1) == (observation == "good") else 1 - accuracy
+        accuracy, is_check = self._find_accuracy(states, actions), actions > self.sample
+        read = np.where(self._is_good(states, actions) == (observations == 1), accuracy, 1 - accuracy)
+        found: Array = np.where(is_check, read * (observations > 0), observations == 0)
+        return found
 
-    def shared(self, state: tuple[int, int, int]) -> str | None:
+    def shared(self, states: Array) -> Array:
         """Return the only value."""
-        return None if state[0] == self.size else "only"
+        return np.where(states[:, 0] == self.size, -1, 0)
 
-    def value(self, state: tuple[int, int, int]) -> float:
+    def lower(self, states: Array) -> Array:
         """Return what leaving at once is worth."""
-        return 10 * self.discount ** (self.size - 1 - state[0]) if state[0] < self.size else 0.0
+        values: Array = self._exit[states[:, 0]]
+        return values
 
-    def _accuracy(self, x: int, y: int, rock: int) -> float:
-        distance = sqrt((x - self.rocks[rock][0]) ** 2 + (y - self.rocks[rock][1]) ** 2)
-        return 0.5 * (1 + 2 ** (-distance / self.half_distance))
+    def upper(self, states: Array) -> Array:
+        """Return the value of known rocks."""
+        x, y, good = states.T
+        values: Array = np.maximum(self._exit[x], (self._weights[x, y] * self._tours[good]).max(axis=1))
+        return values
+
+    def _is_good(self, states: Array, actions: Array) -> Array:
+        """Return whether the rocks that are checked are good."""
+        good: Array = (states[:, 2] >> np.maximum(0, actions - self.sample - 1) & 1) == 1
+        return good
+
+    def _find_accuracy(self, states: Array, actions: Array) -> Array:
+        """Return the probability that the sensor is right about the rock of a check."""
+        accuracy: Array = self._accuracy[states[:, 0], states[:, 1], np.maximum(0, actions - self.sample - 1)]
+        return accuracy
+
+    def _find_tours(self) -> Array:
+        """Return the values (set of good rocks, rock) at each of these rocks, before it is sampled."""
+        count = self.rocks.shape[1]
+        sets = np.arange(1 << count)
+        sizes = (sets[:, None] >> np.arange(count) & 1).sum(axis=1)
+        between = self._weights[self.rocks[0], self.rocks[1]]  # (rock, rock)
+        later = np.tile(self._exit[self.rocks[0]], (len(sets), 1))  # values at a rock that is bad
+        values = np.full((len(sets), count), -np.inf)
+        for size in range(1, count + 1):
+            for rock in range(count):
+                own = np.flatnonzero((sizes == size) & (sets >> rock & 1 == 1))
+                values[own, rock] = 10 + self.discount * later[own & ~(1 << rock), rock]
+                later[own] = np.maximum(later[own], between[:, rock] * values[own, rock, None])
+        return values
 
 
 @dataclass(frozen=True)
@@ -285,7 +315,7 @@ CASES = {
     ),
     "rocksample": Case(
         lambda seed: RockSample(seed=seed),
-        SearchOptions(simulations=20_000),
+        SearchOptions(particles=10_000, expansions=1000),
         "DESPOT 14.7 ± 0.8 (its authors' code on this machine, 1 s a step, 40 episodes, rocks at other random"
         " places)",
     ),
@@ -294,10 +324,10 @@ CASES = {
 
 def simulate(case: Case, seed: int) -> tuple[float, int, float]:
     """Return the discounted return of an episode, its steps and the CPU seconds of a step."""
-    interaction = case.make(seed)
-    model = GenerativeModel(interaction, ("only",))
+    model = GenerativeModel(case.make(seed), ("only",))
     planner = GenerativePlanner(model, case.options)
     rng = np.random.default_rng([1, seed])
+    interaction = model.interaction
     state, belief, total, weight, began = (
         interaction.start("only", rng),
         model.start,

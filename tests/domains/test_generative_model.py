@@ -35,6 +35,16 @@ model = "door.pomdp"
 terminal = "over"
 [presets.simulated.planning]
 model = "door.py:Door"
+[presets.bounded.planning]
+model = "door.py:Bounded"
+particles = 200
+samples = 50
+expansions = 60
+[presets.many.planning]
+model = "door.py:Many"
+particles = 200
+samples = 50
+expansions = 40
 [presets.numbers.planning]
 model = "door.py:Numbers"
 simulations = 2000
@@ -42,6 +52,8 @@ particles = 4000
 widening = [3, 0.1]
 """
 CODE = """from math import exp
+
+import numpy as np
 
 
 class Door:
@@ -77,6 +89,44 @@ class Numbers(Door):
         if action != "listen":
             return float(observation == 0.0)
         return exp(-0.5 * (observation - (-1.0 if next_state == "left" else 1.0)) ** 2)
+
+
+class Bounded(Door):
+    def lower(self, state):
+        return -20.0
+
+    def upper(self, state):
+        return 10.0
+
+
+class Many:
+    vectorised = True
+    actions, discount = Door.actions, Door.discount
+
+    def __init__(self, values):
+        self.sides = values["side"]
+
+    def start(self, value, count, rng):
+        return np.full((count, 1), self.sides.index(value))
+
+    def shared(self, states):
+        return np.where(states[:, 0] == 2, -1, states[:, 0])
+
+    def step(self, states, actions, rng):
+        side = states[:, 0]
+        rewards = np.select([actions == 0, actions - 1 == side], [-1.0, 10.0], -20.0)
+        heard = np.where(actions == 0, rng.normal(2.0 * side - 1), 0.0)
+        return np.where(actions == 0, side, 2)[:, None], heard, rewards
+
+    def likelihood(self, observations, states, actions, after):
+        density = np.exp(-0.5 * (observations - (2.0 * states[:, 0] - 1)) ** 2)
+        return np.where(actions == 0, density, observations == 0)
+
+    def lower(self, states):
+        return np.full(len(states), -20.0)
+
+    def upper(self, states):
+        return np.full(len(states), 10.0)
 """
 
 
@@ -96,8 +146,9 @@ def load_numbers(folder):
     return load_domain(folder, preset="numbers")
 
 
-def test_simulated_decisions_earn_what_the_tables_say(door):
-    tables, simulated = (load_domain(door, preset=name) for name in ("tables", "simulated"))
+@pytest.mark.parametrize("preset", ["simulated", "bounded"])
+def test_simulated_decisions_earn_what_the_tables_say(door, preset):
+    tables, simulated = (load_domain(door, preset=name) for name in ("tables", preset))
     chosen = strategies(["R", "P", "R+P"], [])
     exact = compare_strategies(tables, ComparisonOptions(chosen, trials=None))
     sampled = compare_strategies(simulated, ComparisonOptions(chosen, trials=1500, seed=3))
@@ -108,8 +159,9 @@ def test_simulated_decisions_earn_what_the_tables_say(door):
     assert sampled.scores[2].return_.estimate > sampled.scores[0].return_.estimate + 1
 
 
-def test_beliefs_follow_bayes_rule(door):
-    domain = load_numbers(door)
+@pytest.mark.parametrize("preset", ["numbers", "many"])
+def test_beliefs_follow_bayes_rule(door, preset):
+    domain = load_domain(door, preset=preset)
     planner = GenerativePlanner(domain.model, SearchOptions(particles=200, widening=Widening()))
     belief, odds = np.array([0.9, 0.1, 0.0]), 0.1 / 0.9
     for heard in (0.3, -0.2, 2.0):
@@ -120,8 +172,10 @@ def test_beliefs_follow_bayes_rule(door):
     assert belief[2] == 0
 
 
-def test_improbable_values_keep_their_particles(door):
-    planner = GenerativePlanner(load_numbers(door).model, SearchOptions(particles=100, widening=Widening()))
+@pytest.mark.parametrize("preset", ["numbers", "many"])
+def test_improbable_values_keep_their_particles(door, preset):
+    model = load_domain(door, preset=preset).model
+    planner = GenerativePlanner(model, SearchOptions(particles=100, widening=Widening()))
     belief = planner.update(np.array([1 - 1e-6, 1e-6, 0.0]), "listen", "0.0")
     for _ in range(10):
         belief = planner.update(belief, "listen", "1.0")
@@ -155,6 +209,20 @@ def test_a_logged_decision_repeats(lcorpp, door):
     assert "value about" in ended.out
     assert "1 decisions, 0 differences" in lcorpp("replay", log).out
     (door / "domain.toml").write_text(TOML.replace("simulations = 2000", "simulations = 3"))
+    assert "changed since the log: domain: " in lcorpp("replay", log).out
+
+
+def test_a_logged_decision_of_a_search_with_bounds_repeats(lcorpp, door):
+    log = door / "log.jsonl"
+    ended = lcorpp("explain", door, "--preset", "many", "--fact", "time=late", "--seed", 4, "--log", log)
+    assert ended.code == 0, ended.err
+    expected = (
+        "search at each step: 40 expansions of 50 particles, 200 particles; bounds on values are estimates"
+    )
+    assert expected in " ".join(ended.out.split())
+    assert " to " in ended.out.partition("value about ")[2].splitlines()[0]
+    assert "1 decisions, 0 differences" in lcorpp("replay", log).out
+    (door / "domain.toml").write_text(TOML.replace("expansions = 40", "expansions = 3"))
     assert "changed since the log: domain: " in lcorpp("replay", log).out
 
 
@@ -250,11 +318,11 @@ def test_what_needs_tables_is_refused(lcorpp, door, arguments, message):
         (
             "return 0.8 if",
             "return 1 / 0 if",
-            "door.py:22: the simulation of its actions failed: ZeroDivision",
+            "door.py:24: the simulation of its actions failed: ZeroDivision",
         ),
         ("return 0.8 if", "return 0.0 if", "expected a number above 0"),
         ("rng.random()", "rng.random(", "SyntaxError"),
-        ("rng.random() <", "rng.rnd() <", "door.py:16: the simulation of its actions failed: AttributeError"),
+        ("rng.random() <", "rng.rnd() <", "door.py:18: the simulation of its actions failed: AttributeError"),
     ],
 )
 def test_mistakes_are_found_before_work_starts(door, before, after, message):
@@ -282,6 +350,25 @@ def test_wrong_keys_name_their_line(door, line, message):
         load_numbers(door)
     assert message in str(error.value)
     assert f"domain.toml:{len(text.splitlines())}" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("preset", "key", "message"),
+    [
+        (
+            "bounded",
+            "simulations",
+            "has bounds, so that the search is another one; expected no 'simulations'",
+        ),
+        ("many", "widening", "has bounds, so that the search is another one; expected no 'widening'"),
+        ("simulated", "expansions", "has no methods lower and upper; expected no 'expansions'"),
+        ("numbers", "samples", "has no methods lower and upper; expected no 'samples'"),
+    ],
+)
+def test_keys_of_the_other_search_are_refused(door, preset, key, message):
+    with pytest.raises(DomainError) as error:
+        load_domain(door, preset=preset, changes={"planning": {key: 3}})
+    assert message in str(error.value)
 
 
 def test_keys_of_the_search_need_a_simulated_model(door):

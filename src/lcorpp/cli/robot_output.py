@@ -269,13 +269,13 @@ def print_solution(solution: Solution, gap: float | None = None, *, precision: f
 
 def print_search(domain: Domain) -> None:
     """Print the work of the search at each step with a generative model."""
-    search = domain.planning.search
+    from lcorpp.planning import GenerativeModel  # tables do without
+
+    search, model = domain.planning.search, domain.model
     assert search is not None
-    observed = "" if search.widening is None else ", observations are widened (POMCPOW)"
-    console.out.print(
-        f"search at each step: {search.simulations} simulations, {search.particles} particles{observed};"
-        " values are estimates without bounds"
-    )
+    assert isinstance(model, GenerativeModel)
+    values = "bounds on values are estimates" if model.has_bounds else "values are estimates without bounds"
+    console.out.print(f"search at each step: {search.describe(model)}; {values}")
 
 
 SMALL_SHARE = 0.1

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from lcorpp.errors import LcorppError, ModelError, ObservationError, expected_one_of
+from lcorpp.planning.vectorised import OneByOne, VectorBatch, VectorisedModel, check_bounds
 from lcorpp.user_code import UserFunction
 from lcorpp.values import Array, SharedValue, format_value
 
@@ -26,7 +27,10 @@ class Interaction(Protocol):
     actions: their names. discount: gamma, above 0 and below 1.
     observations: their names; a class without them has numbers, or tuples of numbers, as observations.
 
-    A further method is optional: `value(state)`, an estimate of what a state is worth; 0 without it.
+    Further methods are optional. `value(state)`: an estimate of what a state is worth; 0 without it. Or both
+    `lower(state)` and `upper(state)`: what some policy earns at least that does not see the state, and what
+    no policy exceeds, even one that sees it. With `vectorised = True` the methods take many states at once,
+    see `lcorpp.planning.vectorised.VectorisedInteraction`.
     """
 
     actions: Sequence[str]
@@ -51,6 +55,9 @@ MAX_CHECKED = 1000
 METHODS = ("start", "step", "likelihood", "shared")
 """The methods that an `Interaction` needs."""
 
+BOUNDS = ("lower", "upper")
+"""Its optional bounds on the value of a state."""
+
 Origin = tuple[UserFunction, tuple[Any, ...]]
 """The function or class of a file that made an `Interaction`, and its arguments."""
 
@@ -62,9 +69,12 @@ class GenerativeModel:
     distribution over them. What else a state contains is in the particles of `GenerativePlanner` alone.
 
     Args:
-        interaction: the user's object.
+        interaction: the user's object, an `Interaction` or a `VectorisedInteraction`.
         values: of the shared variables.
         origin: the function or class of a file that made the object, and its arguments; None without a file.
+
+    user_object: the object as given. interaction: as an `Interaction`. vectorised: as one that is vectorised;
+        None if it is not. has_bounds: whether states have a lower and an upper bound.
 
     Raises:
         ModelError: a part is missing or wrong. From each shared value each action is simulated once, so that
@@ -86,7 +96,8 @@ class GenerativeModel:
     """
 
     def __init__(self, interaction: Any, values: Sequence[SharedValue], origin: Origin | None = None) -> None:
-        self.interaction, self.values, self._origin = interaction, tuple(values), origin
+        self.user_object, self.values, self._origin = interaction, tuple(values), origin
+        self._name = type(interaction).__name__
         self._function = None if origin is None else origin[0]
         names = [value if isinstance(value, str) else "_".join(value) for value in self.values]
         over = OVER
@@ -101,6 +112,14 @@ class GenerativeModel:
         own = getattr(interaction, "observations", None)
         self.observations = () if own is None else self._read_names("observations", own)
         self.discount = self._check_discount(getattr(interaction, "discount", None))
+        self.has_bounds = self._find_bounds()
+        self.interaction: Any = interaction
+        self.vectorised: VectorisedModel | None = None
+        if getattr(interaction, "vectorised", False) is True:
+            self.vectorised = VectorisedModel(
+                interaction, self.values, self.actions, self.observations, self.discount, self.make_error
+            )
+            self.interaction = OneByOne(self.vectorised)
         with self.locate("the simulation of its actions"):
             self._check_steps()
 
@@ -108,19 +127,19 @@ class GenerativeModel:
         count = len(self.observations)
         observations = f"{count} observations" if count else "observations that are numbers"
         return (
-            f"<GenerativeModel {type(self.interaction).__name__}: {len(self.values)} values,"
+            f"<GenerativeModel {self._name}: {len(self.values)} values,"
             f" {len(self.actions)} actions, {observations}>"
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self._origin is None:
-            return GenerativeModel, (self.interaction, self.values)
+            return GenerativeModel, (self.user_object, self.values)
         return _make_again, (self.values, self._origin)  # another process loads the file again
 
     @property
     def file(self) -> str:
         """``FILE:LINE`` of the definition; the name of the class without a file."""
-        return self._function.location if self._function else type(self.interaction).__name__
+        return self._function.location if self._function else self._name
 
     @cached_property
     def fingerprint(self) -> str:
@@ -213,8 +232,8 @@ class GenerativeModel:
 
     def make_error(self, reason: str) -> ModelError:
         """Return an error that names the class, and its file if it has one."""
-        name = type(self.interaction).__name__
-        return ModelError(f"{self.file}: {name}: {reason}" if self._function else f"{name}: {reason}")
+        place = f"{self.file}: " if self._function else ""
+        return ModelError(f"{place}{self._name}: {reason}")
 
     def _read_names(self, key: str, names: Any) -> tuple[str, ...]:
         is_list = isinstance(names, Iterable) and not isinstance(names, str)
@@ -228,6 +247,13 @@ class GenerativeModel:
             raise self.make_error(f"discount = {discount!r}; expected a number above 0 and below 1")
         return float(discount)
 
+    def _find_bounds(self) -> bool:
+        """Return whether the object has bounds; one alone is an error."""
+        found = [name for name in BOUNDS if callable(getattr(self.user_object, name, None))]
+        if len(found) == 1:
+            raise self.make_error(f"has {found[0]}() alone; expected both of {', '.join(BOUNDS)}")
+        return bool(found)
+
     def _check_steps(self) -> None:
         """Simulate each action once from each shared value, at most `MAX_CHECKED` steps."""
         rng = np.random.default_rng(0)
@@ -236,8 +262,30 @@ class GenerativeModel:
             if self.find_value(state) != self._indices[value]:
                 shown = self.interaction.shared(state)
                 raise self.make_error(f"start({value!r}) has the shared value {shown!r}; expected the same")
+            if self.has_bounds:
+                self._check_bounds(state)
             for action in self.actions:
                 self._check_step(state, action, self.interaction.step(state, action, rng))
+
+        if self.vectorised is not None:
+            self._check_batch(VectorBatch(self.vectorised, rng))
+
+    def _check_bounds(self, state: Any) -> None:
+        """Check the bounds of a state."""
+        bounds = self.interaction.lower(state), self.interaction.upper(state)
+        if not all(map(_is_number, bounds)):
+            raise self.make_error(f"lower() and upper() returned {bounds!r}; expected finite numbers")
+        lower, upper = (np.array([bound], dtype=float) for bound in bounds)
+        check_bounds(lower, upper, [state], self.make_error)
+
+    def _check_batch(self, batch: VectorBatch) -> None:
+        """Simulate all actions at once; a method may fail for several states alone."""
+        states, actions = batch.start(0, batch.actions), np.arange(batch.actions)
+        after, observations, _ = batch.step(states, actions)
+        batch.likelihood(observations, states, actions, after)
+        batch.group(after)
+        if self.has_bounds:
+            batch.bounds(after)
 
     def _check_step(self, state: Any, action: str, result: Any) -> None:
         """Check the result of a step."""
@@ -246,7 +294,7 @@ class GenerativeModel:
                 f"step() returned {result!r} for {action!r}; expected (next state, observation, reward)"
             )
         after, observation, reward = result
-        if not _is_finite(reward) or isinstance(reward, tuple):
+        if not _is_number(reward):
             raise self.make_error(f"the reward of {action!r} is {reward!r}; expected a finite number")
         self.find_value(after)
         known = self.read_observation(self.format_observation(observation))
@@ -267,6 +315,8 @@ class GenerativeSimulator:
         self._names, self._rng, self._step = model.actions, rng, interaction.step
         self._likelihood, self._shared = interaction.likelihood, interaction.shared
         self.value = getattr(interaction, "value", None) or (lambda _state: 0.0)
+        if model.has_bounds:
+            self.lower, self.upper = interaction.lower, interaction.upper
 
     def step(self, state: Any, action: int) -> tuple[Any, Hashable, float]:
         """Simulate an action: the next state, the observation and the reward."""
@@ -285,6 +335,11 @@ class GenerativeSimulator:
 def _make_again(values: tuple[SharedValue, ...], origin: Origin) -> GenerativeModel:
     function, arguments = origin
     return GenerativeModel(function(*arguments), values, origin)
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a finite number."""
+    return not isinstance(value, tuple) and _is_finite(value)
 
 
 def _is_finite(value: Any) -> bool:

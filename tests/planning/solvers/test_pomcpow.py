@@ -11,6 +11,7 @@ from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning import load_solver, parse_pomdp
 from lcorpp.planning.belief import update
 from lcorpp.planning.solvers.pomcp import ParticlePlanner, TableSimulator, Widening
+from lcorpp.planning.solvers.pomcp.batches import Loop, as_objects
 from lcorpp.planning.solvers.pomcp.particles import Particles, filter_particles
 from lcorpp.planning.solvers.pomcp.search import History, TreeSearch
 from tests.planning.models import DOOR, TIGER
@@ -113,7 +114,9 @@ def test_equal_seeds_have_equal_results():
         )
         planner.update(LISTEN, 0.4)
         particles = planner.particles
-        found.append((planner.search().values.tolist(), particles.states, particles.weights.tolist()))
+        found.append(
+            (planner.search().values.tolist(), particles.states.tolist(), particles.weights.tolist())
+        )
     assert found[0] == found[1]
 
 
@@ -153,7 +156,7 @@ def test_likelihoods_may_be_as_small_as_numbers_get():
     planner = ParticlePlanner(door, door.start, simulations=2000, particles=20, widening=Widening(1, 0))
     assert planner.action() in range(3)
     planner.update(LISTEN, 0.5)
-    assert len(planner.particles.states) == 20
+    assert abs(len(planner.particles.states) - 20) <= 1  # two groups, whose shares are rounded
 
 
 def test_particles_in_a_terminal_state_stay_there():
@@ -220,11 +223,11 @@ def test_unknown_backups_are_refused():
 def test_few_different_states_are_updated_by_bayes_rule():
     door = Door(1)
     door.likelihood = lambda observation, state, action, after: 0.999 if state == observation else 0.001
-    start = Particles([-1, *[1] * 9], np.full(10, 0.1))
+    start = Particles(np.array([-1, *[1] * 9]), np.full(10, 0.1))
     particles, odds = start, 1 / 9
     for observation in (1, 1, 1, -1, -1, -1, -1, -1):  # for a while, the first state has 1e-10
         particles = filter_particles(
-            door, particles, LISTEN, observation, count=10, rng=np.random.default_rng(0)
+            Loop(door), particles, LISTEN, observation, count=10, rng=np.random.default_rng(0)
         )
         odds *= 999.0**-observation
         share = particles.weights[np.array(particles.states) == -1].sum()
@@ -236,7 +239,7 @@ def test_states_that_cannot_be_compared_are_resampled():
     door.step = lambda state, action: (state, 0.0, 0.0)
     door.terminal = lambda state: False
     door.likelihood = lambda observation, state, action, after: 0.75 if state[0] else 0.25
-    start = Particles.of([[int(i < 500)] for i in range(1000)])
-    after = filter_particles(door, start, LISTEN, 0, count=1000, rng=np.random.default_rng(0))
+    start = Particles.of(as_objects([[int(i < 500)] for i in range(1000)]))
+    after = filter_particles(Loop(door), start, LISTEN, 0, count=1000, rng=np.random.default_rng(0))
     assert np.mean([state[0] for state in after.states]) == pytest.approx(0.75, abs=0.002)
     assert np.ptp(after.weights) == 0

@@ -81,7 +81,7 @@ class SolverGroup:
             option = "solver" if "name" in chosen else next(iter(chosen)).replace("_", "-")
             raise DomainError(
                 f"--{option}: {domain.model.file} is simulated, so that no policy is solved; the work of the"
-                f" search at each step is `simulations` of {domain.folder / 'domain.toml'}"
+                f" search at each step is in [planning] of {domain.folder / 'domain.toml'}"
             )
         solver = replace(domain.planning.solver, **chosen)
         if self.step_seconds is not None and solver.name != ONLINE:

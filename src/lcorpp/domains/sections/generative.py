@@ -8,6 +8,7 @@ from lcorpp.domains.sections.states import StateMap
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, ModelError
 from lcorpp.planning import GenerativeModel, SearchOptions, Widening
+from lcorpp.planning.generative_model import BOUNDS
 
 TABLE_KEYS = (
     "states",
@@ -23,6 +24,13 @@ TABLE_KEYS = (
 """Keys that need a model with tables."""
 
 
+SIMULATION_KEYS = ("simulations", "widening")
+"""Keys of a search by simulations, without bounds."""
+
+EXPANSION_KEYS = ("expansions", "samples")
+"""Keys of a search with bounds."""
+
+
 def map_values(model: GenerativeModel) -> StateMap:
     """Return the shared values of the named states: one state each, then the terminal one."""
     n = len(model.values)
@@ -30,16 +38,25 @@ def map_values(model: GenerativeModel) -> StateMap:
 
 
 def read_search(table: TomlTable, model: GenerativeModel) -> SearchOptions:
-    """Read `simulations`, `particles` and `widening`.
+    """Read `particles`, and `simulations` and `widening`, or `expansions` and `samples`.
 
     Raises:
         DomainError: a number is out of range, or a key needs a model with tables.
     """
     table.reject_keys(TABLE_KEYS, f"{model.file} is simulated, it has no tables")
     default = SearchOptions.for_model(model)
+    particles = table.count("particles", 1, default.particles)
+    if model.has_bounds:
+        table.reject_keys(SIMULATION_KEYS, f"{model.file} has bounds, so that the search is another one")
+        return SearchOptions(
+            particles=particles,
+            expansions=table.count("expansions", 1, default.expansions),
+            samples=table.count("samples", 1, default.samples),
+        )
+    table.reject_keys(EXPANSION_KEYS, f"{model.file} has no methods {' and '.join(BOUNDS)}")
     return SearchOptions(
         simulations=table.count("simulations", 1, default.simulations),
-        particles=table.count("particles", 1, default.particles),
+        particles=particles,
         widening=_read_widening(table) if "widening" in table else default.widening,
     )
 

@@ -91,7 +91,7 @@ def _has_parameter(function: UserFunction) -> bool:
         return False
 
 
-SEARCH_KEYS = ("simulations", "particles", "widening")
+SEARCH_KEYS = ("simulations", "particles", "widening", "expansions", "samples")
 """Keys of a generative model, see `lcorpp.domains.sections.generative`."""
 
 MIN_LIMIT = 1e-9

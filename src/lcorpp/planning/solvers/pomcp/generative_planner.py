@@ -5,7 +5,6 @@ Sources: Silver and Veness, NIPS 2010; Sunberg and Kochenderfer, ICAPS 2018; Kel
 
 from __future__ import annotations
 
-from collections.abc import Hashable
 from dataclasses import dataclass
 from hashlib import sha256
 from random import Random
@@ -16,8 +15,11 @@ import numpy as np
 from lcorpp.errors import ModelError
 from lcorpp.planning.arguments import check_count
 from lcorpp.planning.generative_model import GenerativeModel, GenerativeSimulator
+from lcorpp.planning.solvers.pomcp.batches import Batch, Loop, States, as_objects
+from lcorpp.planning.solvers.pomcp.bounded import BoundedParticleSearch
 from lcorpp.planning.solvers.pomcp.particles import Particles, filter_particles, share_out
 from lcorpp.planning.solvers.pomcp.search import ActionValues, History, TreeSearch, Widening
+from lcorpp.planning.vectorised import VectorBatch
 from lcorpp.values import Array, Belief
 
 EXPLORATION = 1.0
@@ -33,6 +35,8 @@ class SearchOptions:
 
     simulations: of a search, at least 1. particles: about how many represent a belief, at least 1.
     widening: of the observations; None for few observations.
+    expansions: of a search with bounds, in place of simulations: how many beliefs it expands, at least 1.
+    samples: number of particles of each of these, at least 1.
 
     Raises:
         ModelError: a number is out of range.
@@ -46,15 +50,24 @@ class SearchOptions:
     simulations: int = 5000
     particles: int = 1000
     widening: Widening | None = None
+    expansions: int = 300
+    samples: int = 100
 
     @classmethod
     def for_model(cls, model: GenerativeModel) -> SearchOptions:
         """Return the options by default: observations that are numbers are widened."""
-        return cls(widening=None if model.observations else Widening())
+        return cls(widening=None if model.observations or model.has_bounds else Widening())
 
     def __post_init__(self) -> None:
-        check_count("simulations", self.simulations, 1)
-        check_count("particles", self.particles, 1)
+        for name in ("simulations", "particles", "expansions", "samples"):
+            check_count(name, getattr(self, name), 1)
+
+    def describe(self, model: GenerativeModel) -> str:
+        """Return the work of a search at each step with a model."""
+        if model.has_bounds:
+            return f"{self.expansions} expansions of {self.samples} particles, {self.particles} particles"
+        observed = "" if self.widening is None else ", observations are widened (POMCPOW)"
+        return f"{self.simulations} simulations, {self.particles} particles{observed}"
 
 
 class ParticleBelief(np.ndarray[Any, np.dtype[np.float64]]):
@@ -69,7 +82,8 @@ class ParticleBelief(np.ndarray[Any, np.dtype[np.float64]]):
     @classmethod
     def of(cls, model: GenerativeModel, particles: Particles, key: bytes) -> ParticleBelief:
         """Return the belief of some particles."""
-        values = [model.find_value(state) for state in particles.states]
+        values = make_batch(model, np.random.default_rng(0)).group(particles.states)
+        values[values < 0] = len(model.values)
         belief = np.bincount(values, particles.weights, len(model.states)).view(cls)
         belief.particles, belief.key = particles, key
         belief.flags.writeable = False
@@ -79,13 +93,21 @@ class ParticleBelief(np.ndarray[Any, np.dtype[np.float64]]):
         self.particles, self.key = None, b""  # results of operations are no beliefs
 
 
+def make_batch(model: GenerativeModel, rng: np.random.Generator) -> Batch:
+    """Return the simulation of many states at once."""
+    if model.vectorised is not None:
+        return VectorBatch(model.vectorised, rng)
+    return Loop(GenerativeSimulator(model, rng), model.find_value)
+
+
 class GenerativePlanner:
-    """POMCP, and with widening POMCPOW, for a generative model: `lcorpp.protocols.Planner`.
+    """A search at each step with a generative model: `lcorpp.protocols.Planner`.
 
     Beliefs are particles, at first drawn for each shared value, later resampled by the likelihood of the
-    observations. Other than published, an action is worth its mean reward and the best actions after it, not
-    the mean return. Results depend on the prior, the actions and the observations alone. Values are estimates
-    without bounds, and particles may miss states of small probability.
+    observations. The search is POMCP, and with widening POMCPOW; other than published, an action is worth its
+    mean reward and the best actions after it, not the mean return. If the model has bounds, it is
+    `BoundedParticleSearch`. Results depend on the prior, the actions and the observations alone. Values are
+    estimates, and particles may miss states of small probability.
 
     Args:
         model: the model.
@@ -115,8 +137,7 @@ class GenerativePlanner:
         self._known = dict[bytes, ActionValues]()
 
     def __repr__(self) -> str:
-        options = self.options
-        return f"<GenerativePlanner: {options.simulations} simulations, {options.particles} particles>"
+        return f"<GenerativePlanner: {self.options.describe(self.model)}>"
 
     @property
     def start(self) -> Belief:
@@ -143,13 +164,21 @@ class GenerativePlanner:
             return self._known[known.key]
 
     def describe_search(self, belief: Belief) -> str:
-        """Return the estimated value at a belief (S,)."""
-        values = self.search(belief)
-        return f"value about {float(values.values[values.action]):.3f}, by {values.simulations} simulations"
+        """Return the estimated value, or its bounds, at a belief (S,)."""
+        found = self.search(belief)
+        value = float(found.values[found.action])
+        if found.upper is None:
+            return f"value about {value:.3f}, by {found.simulations} simulations"
+        return f"value about {value:.3f} to {found.upper.max():.3f}, by {found.simulations} expansions"
 
     def _search(self, belief: ParticleBelief) -> ActionValues:
         assert belief.particles is not None
         seed, options = _make_seed(belief.key, b"search"), self.options
+        if self.model.has_bounds:
+            batch, rng = make_batch(self.model, np.random.default_rng(seed)), np.random.default_rng(seed + 1)
+            return BoundedParticleSearch(batch, options.samples, rng).search(
+                belief.particles, options.expansions
+            )
         simulator = GenerativeSimulator(self.model, np.random.default_rng(seed))
         tree = TreeSearch(
             simulator, exploration=EXPLORATION, widening=options.widening, backup="max", seed=seed
@@ -174,13 +203,12 @@ class GenerativePlanner:
             key = sha256(known.key + repr((action, observation)).encode()).digest()
             rng = np.random.default_rng(_make_seed(key, b"update"))
             particles = filter_particles(
-                GenerativeSimulator(self.model, rng),
+                make_batch(self.model, rng),
                 known.particles,
                 a,
                 observed,
                 count=self.options.particles,
                 rng=rng,
-                group_of=self.model.find_value,
             )
             return ParticleBelief.of(self.model, particles, key)
 
@@ -189,16 +217,19 @@ class GenerativePlanner:
         if isinstance(belief, ParticleBelief) and belief.particles is not None:
             return belief
         model, probabilities = self.model, _check_prior(self.model, belief)
-        possible: dict[Hashable, float] = {v: p for v, p in enumerate(probabilities.tolist()) if p > 0}
+        possible = np.flatnonzero(probabilities)
+        counts = share_out(probabilities[possible], self.options.particles)
         rng = np.random.default_rng(_make_seed(probabilities.tobytes(), b"start"))
-        states, weights = list[Any](), list[float]()
-        for (v, p), n in zip(
-            possible.items(), share_out(possible, self.options.particles).values(), strict=True
-        ):
-            assert isinstance(v, int)
-            states += [model.interaction.start(model.values[v], rng) for _ in range(n)]
-            weights += [p / n] * n
-        return ParticleBelief.of(model, Particles(states, np.array(weights)), probabilities.tobytes())
+        states = [_draw_states(model, v, n, rng) for v, n in zip(possible.tolist(), counts, strict=True)]
+        particles = Particles(np.concatenate(states), np.repeat(probabilities[possible] / counts, counts))
+        return ParticleBelief.of(model, particles, probabilities.tobytes())
+
+
+def _draw_states(model: GenerativeModel, value: int, count: int, rng: np.random.Generator) -> States:
+    """Draw states (count) at the start of a decision about a person of a shared value, by its index."""
+    if model.vectorised is not None:
+        return VectorBatch(model.vectorised, rng).start(value, count)
+    return as_objects([model.interaction.start(model.values[value], rng) for _ in range(count)])
 
 
 def _check_prior(model: GenerativeModel, belief: Belief) -> Array:

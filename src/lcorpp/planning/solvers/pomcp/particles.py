@@ -6,7 +6,7 @@ Source: Gordon, Salmond and Smith, Novel approach to nonlinear/non-Gaussian Baye
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from random import Random
 from typing import Any
@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from lcorpp.errors import ObservationError
-from lcorpp.planning.solvers.pomcp.simulator import Simulator, compute_likelihood
-from lcorpp.values import Array
+from lcorpp.planning.solvers.pomcp.batches import Batch, States, number_rows
+from lcorpp.values import Array, Indices
 
 GROUP_SHARE = 0.5
 """Share of the particles that groups get in equal parts; the others are shared by probability."""
@@ -26,13 +26,13 @@ MIN_PROBABILITY = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Particles:
-    """N states and their weights (N,), which sum to 1."""
+    """N states, of one of the forms of `States`, and their weights (N,), which sum to 1."""
 
-    states: Sequence[Any]
+    states: States
     weights: Array
 
     @classmethod
-    def of(cls, states: Sequence[Any]) -> Particles:
+    def of(cls, states: States) -> Particles:
         """Return states of equal weight."""
         return cls(states, np.full(len(states), 1 / len(states)))
 
@@ -43,23 +43,30 @@ class Particles:
         return lambda: states[min(bisect_right(sums, rng.random() * sums[-1]), last)]
 
 
-def share_out(probabilities: Mapping[Hashable, float], count: int) -> dict[Hashable, int]:
-    """Return how many of `count` particles represent each group of states, about; at least one each."""
+def share_out(probabilities: Array, count: int) -> Indices:
+    """Return (G,) how many of `count` particles represent each group of states, about; at least one each."""
     equal = GROUP_SHARE / len(probabilities)
-    return {
-        group: max(1, round(count * (equal + (1 - GROUP_SHARE) * p))) for group, p in probabilities.items()
-    }
+    shares = np.round(count * (equal + (1 - GROUP_SHARE) * probabilities))
+    return np.maximum(1, shares).astype(np.intp)
+
+
+def draw_systematically(weights: Array, count: int, rng: np.random.Generator) -> Indices:
+    """Return (count,) indices into weights (N,), each as often as its share of their sum, up to one."""
+    sums = np.cumsum(weights)
+    places = (np.arange(count) + rng.random()) / count * sums[-1]
+    last = int(np.flatnonzero(weights)[-1])  # rounding may lead beyond it
+    drawn: Indices = np.minimum(np.searchsorted(sums, places, side="right"), last)
+    return drawn
 
 
 def filter_particles(
-    simulator: Simulator[Any],
+    batch: Batch,
     particles: Particles,
     action: int,
     observation: Hashable,
     *,
     count: int,
     rng: np.random.Generator,
-    group_of: Callable[[Any], Hashable] = lambda _state: None,
 ) -> Particles:
     """Return the particles after an action and an observation: a step each, weighed, and resampled.
 
@@ -68,52 +75,45 @@ def filter_particles(
     chance in the steps, the filter is then Bayes' rule, up to states below `MIN_PROBABILITY`.
 
     Args:
-        simulator: has a likelihood. count: about how many particles to return. group_of: a state's group.
+        batch: simulates the states. count: about how many particles to return.
 
     Raises:
         ObservationError: the observation is impossible in all particles.
     """
-    after, likelihoods = list[Any](), list[float]()
-    for before in particles.states:
-        state = before
-        if not simulator.terminal(before):
-            state, _, _ = simulator.step(before, action)
-        after.append(state)
-        likelihoods.append(compute_likelihood(simulator, observation, before, action, state))
-    highest = max(likelihoods)
-    keys: list[Hashable] = [group_of(state) for state in after]
-    if _differ_at_most(after, count):
-        keys = list(zip(keys, after, strict=True))
-    groups: dict[Hashable, tuple[list[Any], list[float]]] = {}
-    for key, state, weight, likelihood in zip(
-        keys, after, particles.weights.tolist(), likelihoods, strict=True
-    ):
-        states, weights = groups.setdefault(key, ([], []))
-        states.append(state)
-        weights.append(weight * (likelihood / highest) if highest > 0 else 0.0)  # likelihoods may be tiny
-    totals = {group: sum(weights) for group, (_, weights) in groups.items()}
-    total = sum(totals.values())
+    n = len(particles.states)
+    actions = np.full(n, action)
+    after, _, _ = batch.step(particles.states, actions)
+    likelihoods = batch.likelihood(batch.repeat(observation, n), particles.states, actions, after)
+    highest = likelihoods.max()
+    # likelihoods may be tiny
+    weights = particles.weights * (likelihoods / highest) if highest > 0 else np.zeros(n)
+    total = weights.sum()
     if not total > 0:
         raise ObservationError(
-            f"observation {observation!r} after action {action} is impossible in all {len(particles.states)}"
-            " particles"
+            f"observation {observation!r} after action {action} is impossible in all {n} particles"
         )
-    kept = {group: own / total for group, own in totals.items() if own / total > MIN_PROBABILITY}
-    resampled, shares = list[Any](), list[float]()
-    for group, n in share_out(kept, count).items():
-        own, weights = groups[group]
-        sums = np.cumsum(weights)
-        places = (np.arange(n) + rng.random()) / n * sums[-1]
-        last = int(np.flatnonzero(weights)[-1])  # rounding may lead beyond it
-        resampled += [own[i] for i in np.minimum(np.searchsorted(sums, places, side="right"), last)]
-        shares += [kept[group] / n] * n
-    normalised = np.array(shares)
-    return Particles(resampled, normalised / normalised.sum())
+    groups, is_state = _find_groups(batch, after, count)
+    probabilities = np.bincount(groups, weights) / total
+    kept = np.flatnonzero(probabilities > MIN_PROBABILITY)
+    counts = share_out(probabilities[kept], count)
+    if is_state:
+        first = np.unique(groups, return_index=True)[1]
+        drawn = np.repeat(first[kept], counts)
+    else:
+        members = [np.flatnonzero(groups == group) for group in kept]
+        drawn = np.concatenate(
+            [own[draw_systematically(weights[own], k, rng)] for own, k in zip(members, counts, strict=True)]
+        )
+    shares = np.repeat(probabilities[kept] / counts, counts)
+    return Particles(after[drawn], shares / shares.sum())
 
 
-def _differ_at_most(states: Sequence[Any], count: int) -> bool:
-    """Whether states can be compared, and at most some number of them differ."""
+def _find_groups(batch: Batch, states: States, count: int) -> tuple[Indices, bool]:
+    """Return (N,) the number of each state's group, and whether each state is a group of its own."""
     try:
-        return len(set(states)) <= count
+        first, numbers = number_rows(states)
     except TypeError:  # not hashable, e.g. lists
-        return False
+        return batch.group(states) + 1, False
+    if len(first) <= count:
+        return numbers, True
+    return batch.group(states) + 1, False

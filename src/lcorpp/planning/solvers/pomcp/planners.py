@@ -17,6 +17,7 @@ from lcorpp.planning.arguments import check_count, check_type
 from lcorpp.planning.belief import check_belief
 from lcorpp.planning.planner import ModelPlanner
 from lcorpp.planning.pomdp import Pomdp
+from lcorpp.planning.solvers.pomcp.batches import Loop, as_objects
 from lcorpp.planning.solvers.pomcp.particles import Particles, filter_particles
 from lcorpp.planning.solvers.pomcp.search import (
     EXPLORATION,
@@ -184,7 +185,7 @@ class ParticlePlanner:
         )
         self._root = History(simulator.actions)
         self._rng, self._random = np.random.default_rng(seed), Random(seed)
-        self._set_particles(Particles.of([start() for _ in range(particles)]))
+        self._set_particles(Particles.of(as_objects([start() for _ in range(particles)])))
 
     def __repr__(self) -> str:
         particles = len(self.particles.states)
@@ -218,7 +219,7 @@ class ParticlePlanner:
         child = self._root.children.get((action, observation)) or History(self.simulator.actions)
         if self.widening is not None:
             resampled = filter_particles(
-                self.simulator,
+                Loop(self.simulator),
                 self.particles,
                 action,
                 observation,
@@ -239,7 +240,7 @@ class ParticlePlanner:
                 f"none of {tries} simulations of action {action} from {len(self.particles.states)} particles"
                 f" produced observation {observation!r}"
             )
-        self._set_particles(Particles.of(particles))
+        self._set_particles(Particles.of(as_objects(particles)))
         self._root = child
 
     def _set_particles(self, particles: Particles) -> None:

@@ -76,26 +76,29 @@ class Widening:
 class ActionValues:
     """The result of a search: estimated values of the actions.
 
-    values: (A,) mean return of the simulations that began with each action, -inf without any.
-    visits: (A,) number of these simulations.
-    simulations: number of simulations of this search. seconds: wall-clock time.
+    values: (A,) mean return of the simulations that began with each action, -inf without any. Of a search
+        with bounds, the lower bounds.
+    upper: (A,) upper bounds; None without.
+    visits: (A,) number of these simulations, or trials.
+    simulations: number of simulations, or of expanded beliefs, of this search. seconds: wall-clock time.
     """
 
     values: Array
     visits: npt.NDArray[np.intp]
     simulations: int
     seconds: float
+    upper: Array | None = None
 
     def __repr__(self) -> str:
-        best = self.action
+        best, unit = self.action, "simulations" if self.upper is None else "expansions"
         return (
             f"<ActionValues: action {best}, value {self.values[best]:.4g} of {self.visits[best]} visits;"
-            f" {self.simulations} simulations in {self.seconds:.2f} s>"
+            f" {self.simulations} {unit} in {self.seconds:.2f} s>"
         )
 
     @property
     def action(self) -> int:
-        """The action with the largest mean; among equal ones, the one with the most visits."""
+        """The action with the largest value; among equal ones, the one with the most visits."""
         return int(np.lexsort((-self.visits, -self.values))[0])
 
 
