@@ -35,6 +35,8 @@ model = "door.pomdp"
 terminal = "over"
 [presets.simulated.planning]
 model = "door.py:Door"
+simulations = 1000
+particles = 200
 [presets.bounded.planning]
 model = "door.py:Bounded"
 particles = 200

@@ -1,4 +1,4 @@
-"""Online planning by Monte-Carlo tree search: POMCP (NIPS 2010), and POMCPOW (ICAPS 2018)."""
+"""Online planning for simulated models: POMCP (NIPS 2010), POMCPOW (ICAPS 2018), and a search with bounds."""
 
 from __future__ import annotations
 
