@@ -28,9 +28,9 @@ class Interaction(Protocol):
     observations: their names; a class without them has numbers, or tuples of numbers, as observations.
 
     Further methods are optional. `value(state)`: an estimate of what a state is worth; 0 without it. Or both
-    `lower(state)` and `upper(state)`: what some policy earns at least that does not see the state, and what
-    no policy exceeds, even one that sees it. With `vectorised = True` the methods take many states at once,
-    see `lcorpp.planning.vectorised.VectorisedInteraction`.
+    `lower(state)` and `upper(state)`: what a policy, the same for all states, earns at least without seeing
+    the state, and what no policy exceeds, even one that sees it. With `vectorised = True` the methods take
+    many states at once, see `lcorpp.planning.vectorised.VectorisedInteraction`.
     """
 
     actions: Sequence[str]
@@ -114,8 +114,9 @@ class GenerativeModel:
         self.discount = self._check_discount(getattr(interaction, "discount", None))
         self.has_bounds = self._find_bounds()
         self.interaction: Any = interaction
+        self._width: int | None = None  # of the observations of one that is vectorised, see `_find_width`
         self.vectorised: VectorisedModel | None = None
-        if getattr(interaction, "vectorised", False) is True:
+        if self._find_vectorised():
             self.vectorised = VectorisedModel(
                 interaction, self.values, self.actions, self.observations, self.discount, self.make_error
             )
@@ -215,6 +216,9 @@ class GenerativeModel:
             observation = None
         if not _is_finite(observation):
             raise ObservationError(f"the observation {text!r}; expected a number, or numbers as in [1, 2.5]")
+        if self._width is not None and _find_width(observation) != self._width:
+            expected = f"{self._width} numbers" if self._width else "a number"
+            raise ObservationError(f"the observation {text!r}; expected {expected}")
         return observation
 
     @contextmanager
@@ -254,6 +258,15 @@ class GenerativeModel:
             raise self.make_error(f"has {found[0]}() alone; expected both of {', '.join(BOUNDS)}")
         return bool(found)
 
+    def _find_vectorised(self) -> bool:
+        """Return whether the object takes many states at once; it then needs bounds."""
+        found = getattr(self.user_object, "vectorised", False)
+        if not isinstance(found, bool):
+            raise self.make_error(f"vectorised = {found!r}; expected True or False")
+        if found and not self.has_bounds:
+            raise self.make_error(f"is vectorised, without {' and '.join(BOUNDS)}; expected both methods")
+        return found
+
     def _check_steps(self) -> None:
         """Simulate each action once from each shared value, at most `MAX_CHECKED` steps."""
         rng = np.random.default_rng(0)
@@ -280,8 +293,15 @@ class GenerativeModel:
 
     def _check_batch(self, batch: VectorBatch) -> None:
         """Simulate all actions at once; a method may fail for several states alone."""
-        states, actions = batch.start(0, batch.actions), np.arange(batch.actions)
+        starts = [batch.start(value, 2) for value in range(min(len(self.values), MAX_CHECKED))]
+        widths = {states.shape[1] for states in starts}
+        if len(widths) > 1:
+            raise self.make_error(f"start() returned arrays (N, D) of several D: {sorted(widths)}")
+        states = np.resize(np.concatenate(starts), (max(2, batch.actions), *widths))
+        actions = np.arange(len(states)) % batch.actions
         after, observations, _ = batch.step(states, actions)
+        if not self.observations:
+            self._width = _find_width(tuple(observations[0].tolist()) if observations.ndim > 1 else 0)
         batch.likelihood(observations, states, actions, after)
         batch.group(after)
         if self.has_bounds:
@@ -346,7 +366,17 @@ def _is_finite(value: Any) -> bool:
     """Whether a value is a finite number, or a tuple of such."""
     if isinstance(value, tuple):
         return all(map(_is_finite, value))
-    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    try:
+        return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
+
+
+def _find_width(observation: Any) -> int:
+    """Return the length of a tuple of numbers; 0 of a number, -1 of a tuple of tuples."""
+    if not isinstance(observation, tuple):
+        return 0
+    return -1 if any(isinstance(part, tuple) for part in observation) else len(observation)
 
 
 def _as_tuples(value: Any) -> Any:

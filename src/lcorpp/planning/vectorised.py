@@ -26,7 +26,6 @@ class VectorisedInteraction(Protocol):
     observations: their names; the methods take and return their indices (N,). Without names, observations are
     numbers (N,), or tuples of K numbers (N, K).
 
-    `lower(states)` and `upper(states)` are optional, see `lcorpp.planning.generative_model.Interaction`.
     """
 
     vectorised: bool
@@ -44,6 +43,12 @@ class VectorisedInteraction(Protocol):
 
     def shared(self, states: Table) -> Indices:
         """Return (N,) the index of each state's shared value, in their order; -1 if the decision is over."""
+
+    def lower(self, states: Table) -> Array:
+        """Return (N,) what one policy that does not see the states earns at least, discounted."""
+
+    def upper(self, states: Table) -> Array:
+        """Return (N,) what no policy exceeds, even one that sees the states."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +104,8 @@ class VectorBatch:
 
     def likelihood(self, observations: Table, states: Table, actions: Indices, next_states: Table) -> Array:
         """Return (N,) the probability or density of each observation."""
-        found = self._interaction.likelihood(observations, states, actions, next_states)
+        rows = observations, _lock(states), actions, _lock(next_states)
+        found = self._interaction.likelihood(*rows)
         self._check_numbers("likelihood()", found, len(states))
         if not (np.asarray(found) >= 0).all():
             raise self._make_error("likelihood()", found, "numbers of at least 0")
@@ -108,11 +114,12 @@ class VectorBatch:
     def repeat(self, observation: Any, count: int) -> Table:
         """Return an observation, as of `GenerativeModel.read_observation`, (count) times."""
         names = self._model.observations
-        return np.repeat(np.array([names.index(observation) if names else observation]), count, axis=0)
+        row = np.array([names.index(observation)]) if names else np.array([observation], dtype=float)
+        return np.repeat(row, count, axis=0)
 
     def group(self, states: Table) -> Indices:
         """Return (N,) the index of each state's shared value, -1 after the end."""
-        found = np.asarray(self._interaction.shared(states))
+        found = np.asarray(self._interaction.shared(_lock(states)))
         count = len(self._model.values)
         is_index = found.shape == (len(states),) and np.issubdtype(found.dtype, np.integer)
         if not is_index or (len(found) and not -1 <= found.min() <= found.max() < count):
@@ -121,17 +128,17 @@ class VectorBatch:
 
     def bounds(self, states: Table) -> tuple[Array, Array]:
         """Return (N,) lower and (N,) upper bounds on the value of each state, 0 after the end."""
-        alive, found = self.group(states) >= 0, list[Array]()
-        for name in ("lower", "upper"):
-            values = getattr(self._interaction, name)(states)
-            self._check_numbers(f"{name}()", values, len(states))
-            found.append(np.where(alive, values, 0.0))
-        lower, upper = found
+        alive = np.flatnonzero(self.group(states) >= 0)
+        lower, upper = np.zeros(len(states)), np.zeros(len(states))
+        for name, bounds in (("lower", lower), ("upper", upper)):
+            values = getattr(self._interaction, name)(_lock(states[alive]))
+            self._check_numbers(f"{name}()", values, len(alive))
+            bounds[alive] = values
         check_bounds(lower, upper, states, self._model.make_error)
         return lower, upper
 
     def _step(self, states: Table, actions: Indices) -> tuple[Table, Table, Array]:
-        result = self._interaction.step(states, actions, self._rng)
+        result = self._interaction.step(_lock(states), actions, self._rng)
         if not isinstance(result, tuple) or len(result) != 3:
             raise self._make_error("step()", result, "(next states, observations, rewards)")
         after, observations, rewards = result
@@ -147,6 +154,12 @@ class VectorBatch:
         elif not _is_numeric(seen) or seen.ndim not in (1, 2) or len(seen) != len(states):
             expected = f"observations, an array of numbers ({len(states)},) or ({len(states)}, K)"
             raise self._make_error("step()", observations, expected)
+        elif not np.isfinite(seen).all():
+            raise self._make_error("step()", observations, "observations that are finite")
+        if not np.can_cast(after.dtype, states.dtype, "same_kind"):
+            raise self._make_error(
+                "step()", after, f"next states of type {states.dtype}, as those of start()"
+            )
         return np.asarray(after, dtype=states.dtype), seen, np.asarray(rewards, dtype=float)
 
     def _check_numbers(self, method: str, found: Any, count: int, what: str = "") -> None:
@@ -216,6 +229,11 @@ def check_bounds(
 
 
 def _is_numeric(found: Any) -> bool:
-    return isinstance(found, np.ndarray) and (
-        np.issubdtype(found.dtype, np.number) or found.dtype == np.bool_
-    )
+    return isinstance(found, np.ndarray) and found.dtype.kind in "biuf"
+
+
+def _lock(states: Table) -> Table:
+    """Return a view that the user's methods cannot change: several beliefs may share the states."""
+    view = states.view()
+    view.flags.writeable = False
+    return view

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lcorpp.errors import ModelError
+from lcorpp.errors import ModelError, ObservationError
 from lcorpp.planning import GenerativeModel, GenerativePlanner, SearchOptions, parse_pomdp, solve
 from lcorpp.planning.solvers.pomcp.bounded import BoundedParticleSearch
 from lcorpp.planning.solvers.pomcp.generative_planner import make_batch
@@ -203,6 +203,104 @@ def test_equal_seeds_have_equal_results_and_others_differ():
     assert found[0] == found[1] != found[2]
 
 
+def test_improbable_values_are_not_forgotten():
+    """A wrong door costs 10,000: with a probability of .4 % of the right side, the left is no good choice."""
+
+    class Risk(NoisyDoor):
+        def step(self, states, actions, rng):
+            after, seen, rewards = super().step(states, actions, rng)
+            return after, seen, np.where(rewards == -20, -1e4, rewards)
+
+    for right in (1e-6, 0.0005, 0.002, 0.004):
+        model = GenerativeModel(Risk(), ("left", "right"))
+        found = GenerativePlanner(model).search(np.array([1 - right, right, 0.0]))
+        assert found.values[1] == pytest.approx(10 * (1 - right) - 1e4 * right, abs=1e-9)
+
+
+class Staircase:
+    """Twice "a" earns `later` at the second step, "b" 8 at once; bounds of the first state by `first`."""
+
+    vectorised, actions, observations = True, ("a", "b"), ("nothing",)
+
+    def __init__(self, later, discount, first):
+        self.later, self.discount, self.first = later, discount, first
+
+    def start(self, value, count, rng):
+        return np.zeros((count, 1), dtype=int)
+
+    def shared(self, states):
+        return np.where(states[:, 0] == 2, -1, 0)
+
+    def step(self, states, actions, rng):
+        is_last = (actions == 1) | (states[:, 0] == 1)
+        rewards = np.where(actions == 1, 8.0, np.where(is_last, self.later, 0.0))
+        return np.where(is_last, 2, 1)[:, None], actions * 0, rewards
+
+    def likelihood(self, observations, states, actions, after):
+        return np.ones(len(states))
+
+    def lower(self, states):
+        return np.where(states[:, 0] == 0, self.first[0], 0.0)
+
+    def upper(self, states):
+        return np.where(states[:, 0] == 0, self.first[1], self.later)
+
+
+@pytest.mark.parametrize(
+    ("later", "discount", "first"),
+    [
+        (10.0, 0.9, (9.0, 9.0)),  # bounds that meet at the first state choose no action
+        (1000.0, 0.03, (0.0, 1000.0)),  # a small discount is no reason not to look ahead
+        (10.0, 0.9, (0.0, 100.0)),
+    ],
+)
+def test_the_second_step_is_worth_waiting_for(later, discount, first):
+    found = make_search(Staircase(later, discount, first), values=("only",), expansions=100)
+    assert found.action == 0
+    assert found.values.tolist() == pytest.approx([discount * later, 8.0])
+    assert found.upper[0] == pytest.approx(discount * later)
+
+
+@pytest.mark.parametrize(
+    ("text", "width", "expected"),
+    [
+        ("[0, 0]", 0, "a number"),
+        ("0.0", 2, "2 numbers"),
+        ("[0, [1, 2]]", 2, "2 numbers"),
+        ("[1, 2, 3]", 2, "2 numbers"),
+        ("1" + 400 * "0", 0, "a number"),
+    ],
+)
+def test_observations_of_another_form_are_refused(text, width, expected):
+    class Pairs(Angles):
+        def step(self, states, actions, rng):
+            after, seen, rewards = super().step(states, actions, rng)
+            return after, np.stack([seen, seen], axis=1) if width else seen, rewards
+
+        def likelihood(self, observations, *rest):
+            return super().likelihood(observations[:, 0] if width else observations, *rest)
+
+    planner = GenerativePlanner(GenerativeModel(Pairs(), ("left", "right")))
+    with pytest.raises(ObservationError, match=f"expected {expected}"):
+        planner.update(planner.start, "listen", text)
+
+
+def test_steps_cannot_change_the_particles_of_a_belief():
+    class Rewriting(NoisyDoor):
+        def step(self, states, actions, rng):
+            after, seen, rewards = super().step(states, actions, rng)
+            states[:] = after
+            return states, seen, rewards
+
+    with pytest.raises(ValueError, match="read-only"):
+        GenerativeModel(Rewriting(), ("left", "right"))
+
+
+def copy_step(self, states, actions, rng):
+    after, seen, rewards = NoisyDoor.step(self, states, actions, rng)
+    return np.repeat(after, states.shape[1], axis=1), seen, rewards
+
+
 def change(**methods):
     return type("Changed", (NoisyDoor,), methods)()
 
@@ -229,6 +327,18 @@ def change(**methods):
             "expected rewards, an array of finite numbers (1,)",
         ),
         (change(likelihood=lambda _, o, s, a, n: np.full(len(o), -1.0)), "expected numbers of at least 0"),
+        (change(vectorised=1), "vectorised = 1; expected True or False"),
+        (change(lower=None, upper=None), "is vectorised, without lower and upper; expected both methods"),
+        (
+            change(
+                start=lambda _, v, n, r: np.full((n, 1 + (v == "right")), int(v == "right")), step=copy_step
+            ),
+            "start() returned arrays (N, D) of several D: [1, 2]",
+        ),
+        (
+            change(step=lambda _, s, a, r: (s + 0.5, a, a * 1.0)),
+            "expected next states of type int64, as those of",
+        ),
         (change(shared=lambda _, s: s[:, 0] + 0.5), "expected integers (1,) from -1 to 1"),
         (
             change(shared=lambda self, s: NoisyDoor.shared(self, s)[:1]),
@@ -249,6 +359,6 @@ def test_mistakes_of_vectorised_classes_are_found(interaction, message):
 
 def test_an_observation_without_likelihood_is_an_error():
     model = GenerativeModel(NoisyDoor(), ("left", "right"))
-    model.vectorised.interaction.likelihood = lambda o, s, a, n: np.zeros(len(o))
+    model.vectorised.interaction.likelihood = lambda o, s, a, n: np.where(o == 0, s[:, 0], 0.5)
     with pytest.raises(ModelError, match=r"likelihood\(\) returned 0 for the observation 0"):
         GenerativePlanner(model).search(np.array([0.5, 0.5, 0.0]))

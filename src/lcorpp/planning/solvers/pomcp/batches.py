@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
+from math import isfinite
+from numbers import Real
 from typing import Any, Protocol, cast
 
 import numpy as np
 import numpy.typing as npt
 
 from lcorpp.errors import ModelError
-from lcorpp.planning.solvers.pomcp.simulator import Simulator, compute_likelihood
+from lcorpp.planning.solvers.pomcp.simulator import Simulator, check_hashable, compute_likelihood
 from lcorpp.planning.vectorised import check_bounds
 from lcorpp.values import Array, Indices
 
@@ -70,12 +72,12 @@ class Loop:
         terminal, step = self._simulator.terminal, self._simulator.step
         for state, action in zip(states, actions.tolist(), strict=True):
             next_state, observation, reward = (state, None, 0.0) if terminal(state) else step(state, action)
+            check_hashable(observation)
             after.append(next_state)
             observations.append(observation)
             rewards.append(reward)
-        if not np.isfinite(rewards).all():
-            raise ModelError("a reward of the simulator is not finite")
-        return as_objects(after), as_objects(observations), np.array(rewards, dtype=float)
+        found = _as_numbers(rewards, "step()", "a finite number as reward")
+        return as_objects(after), as_objects(observations), found
 
     def likelihood(
         self, observations: Observations, states: Iterable[Any], actions: Indices, next_states: Iterable[Any]
@@ -97,9 +99,20 @@ class Loop:
         """Return (N,) lower and (N,) upper bounds."""
         bounded = cast("Any", self._simulator)
         rows = [(0.0, 0.0) if bounded.terminal(s) else (bounded.lower(s), bounded.upper(s)) for s in states]
-        lower, upper = np.array(rows, dtype=float).reshape(-1, 2).T
+        numbers = _as_numbers(
+            [bound for row in rows for bound in row], "lower() or upper()", "a finite number"
+        )
+        lower, upper = numbers.reshape(-1, 2).T
         check_bounds(lower, upper, states, ModelError)
         return lower, upper
+
+
+def _as_numbers(found: Sequence[Any], method: str, expected: str) -> Array:
+    """Return (N,) what a method of the simulator returned, as numbers."""
+    for value in found:
+        if not isinstance(value, Real) or not isfinite(value):
+            raise ModelError(f"{method} of the simulator returned {value!r}; expected {expected}")
+    return np.array(found, dtype=float)
 
 
 def as_objects(values: Sequence[Any]) -> npt.NDArray[np.object_]:

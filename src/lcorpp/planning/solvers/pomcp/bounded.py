@@ -7,14 +7,14 @@ beliefs after an action share); Somani and others, DESPOT, NIPS 2013 (the choice
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import inf, log
+from math import inf
 from time import monotonic
 
 import numpy as np
 
 from lcorpp.errors import ModelError
 from lcorpp.planning.solvers.pomcp.batches import Batch, Observations, States, number_rows
-from lcorpp.planning.solvers.pomcp.particles import Particles, draw_systematically
+from lcorpp.planning.solvers.pomcp.particles import Particles, draw_systematically, resample
 from lcorpp.planning.solvers.pomcp.search import MIN_WEIGHT, ActionValues
 from lcorpp.values import Array, Indices
 
@@ -101,7 +101,6 @@ class BoundedParticleSearch:
 
     def __init__(self, batch: Batch, particles: int, rng: np.random.Generator) -> None:
         self._batch, self._count, self._rng = batch, particles, rng
-        self._max_depth = max(1, int(log(MIN_WEIGHT) / log(batch.discount)))
         self._expansions = 0
 
     def search(self, belief: Particles, expansions: int) -> ActionValues:
@@ -120,19 +119,24 @@ class BoundedParticleSearch:
         lower, upper = (float(belief.weights @ bound) for bound in self._batch.bounds(belief.states))
         root = ParticleNode(belief.states, belief.weights, lower, upper, 0)
         branches, before = self._expand(root), 0
-        while before < self._expansions < expansions and root.gap > 0:  # a trial expands, or is the last
+        while before < self._expansions < expansions:  # a trial expands, or is the last
             before = self._expansions
-            visits[self._sample(root, expansions)] += 1
+            values, bounds = branches.value(branches.lower, gamma), branches.value(branches.upper, gamma)
+            gap = float(bounds.max() - values.max())  # of the actions; the state's own bounds choose none
+            if gap > 0:
+                visits[self._sample(root, gap, expansions)] += 1
         values, bounds = branches.value(branches.lower, gamma), branches.value(branches.upper, gamma)
-        return ActionValues(values, visits, self._expansions, monotonic() - began, np.maximum(values, bounds))
+        values, bounds = root.probability * values, root.probability * np.maximum(values, bounds)
+        return ActionValues(values, visits, self._expansions, monotonic() - began, bounds)
 
-    def _sample(self, root: ParticleNode, expansions: int) -> int:
+    def _sample(self, root: ParticleNode, gap: float, expansions: int) -> int:
         """Follow the largest upper bounds to a belief whose gap matters, and expand; return the action.
 
-        Expansions on the way add up to at most `expansions`.
+        Args:
+            gap: between the bounds of the best actions. expansions: the largest number of all trials.
         """
         path, gamma = list[tuple[Branches, int, ParticleNode]](), self._batch.discount
-        target, node, first = GAP_SHARE * root.gap, root, 0
+        target, node, first = GAP_SHARE * gap, root, 0
         while node.branches is not None or self._expansions < expansions:
             branches = node.branches or self._expand(node)
             action = int(np.argmax(branches.value(branches.upper, gamma)))
@@ -141,7 +145,7 @@ class BoundedParticleSearch:
             gaps = branches.upper - branches.lower
             excess = np.where(branches.actions == action, branches.probabilities * (gaps - target), -inf)
             widest = int(np.argmax(excess))
-            if not excess[widest] > 0 or node.depth + 1 >= self._max_depth:
+            if not excess[widest] > 0 or gamma ** (node.depth + 1) < MIN_WEIGHT:
                 break
             child = branches.visit(widest, node.depth + 1)
             path.append((branches, widest, node))
@@ -170,8 +174,9 @@ class BoundedParticleSearch:
             np.repeat(observations[first], n, axis=0), states[rows], actions[rows], after[rows]
         ).reshape(-1, n)
         highest = likelihoods.max(axis=1, keepdims=True)  # likelihoods may be tiny
-        if not (highest > 0).all():
-            seen = observations[first[int(np.argmin(highest))]]
+        by_own = likelihoods[np.arange(len(first)), first % n]  # of the states that were observed
+        if not (by_own > 0).all():
+            seen = observations[first[int(np.argmin(by_own))]]
             raise ModelError(f"likelihood() returned 0 for the observation {seen} that step() returned")
         beliefs = likelihoods / highest * weights
         beliefs /= beliefs.sum(axis=1, keepdims=True)
@@ -205,8 +210,8 @@ class BoundedParticleSearch:
         node.states, node.weights = node.states[alive], weights
         effective = 1 / float(weights @ weights)
         if len(weights) > self._count or effective < MIN_EFFECTIVE_SHARE * self._count:
-            drawn = draw_systematically(weights, self._count, self._rng)
-            node.states, node.weights = node.states[drawn], np.full(self._count, 1 / self._count)
+            drawn = resample(self._batch, node.states, weights, self._count, self._rng)
+            node.states, node.weights = drawn.states, drawn.weights
 
     def _choose_observations(
         self, actions: Indices, observations: Observations, weights: Array

@@ -70,9 +70,8 @@ def filter_particles(
 ) -> Particles:
     """Return the particles after an action and an observation: a step each, weighed, and resampled.
 
-    Groups of states, e.g. of each shared value, are resampled apart (systematically), so that an improbable
-    group keeps its probability and particles. If no more than `count` states differ, each is a group: without
-    chance in the steps, the filter is then Bayes' rule, up to states below `MIN_PROBABILITY`.
+    If no more than `count` states differ, and without chance in the steps, this is Bayes' rule, up to states
+    below `MIN_PROBABILITY`.
 
     Args:
         batch: simulates the states. count: about how many particles to return.
@@ -92,8 +91,17 @@ def filter_particles(
         raise ObservationError(
             f"observation {observation!r} after action {action} is impossible in all {n} particles"
         )
-    groups, is_state = _find_groups(batch, after, count)
-    probabilities = np.bincount(groups, weights) / total
+    return resample(batch, after, weights / total, count, rng)
+
+
+def resample(batch: Batch, states: States, weights: Array, count: int, rng: np.random.Generator) -> Particles:
+    """Return about `count` particles that represent N states with weights (N,), which sum to 1.
+
+    Groups of states, e.g. of each shared value, are resampled apart (systematically), so that an improbable
+    group keeps its probability and particles. If no more than `count` states differ, each is a group.
+    """
+    groups, is_state = _find_groups(batch, states, count)
+    probabilities = np.asarray(np.bincount(groups, weights), dtype=np.float64)
     kept = np.flatnonzero(probabilities > MIN_PROBABILITY)
     counts = share_out(probabilities[kept], count)
     if is_state:
@@ -105,7 +113,7 @@ def filter_particles(
             [own[draw_systematically(weights[own], k, rng)] for own, k in zip(members, counts, strict=True)]
         )
     shares = np.repeat(probabilities[kept] / counts, counts)
-    return Particles(after[drawn], shares / shares.sum())
+    return Particles(states[drawn], shares / shares.sum())
 
 
 def _find_groups(batch: Batch, states: States, count: int) -> tuple[Indices, bool]:
