@@ -2,8 +2,8 @@
 
     python benchmarks/generative.py [--models lightdark,lasertag,rocksample] [--episodes 1000,1000,1000]
 
-Each model is a class as in the file of a domain. The searches are of as many simulations as one core does in
-about a second.
+Each model is a class as in the file of a domain. The searches are of as many simulations, or expansions of
+beliefs, as one core does in about a second.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 import typer
 from rich.console import Console
+from rich.progress import track
 from scipy.stats import norm
 
 from lcorpp.files import make_folder, write_atomically
@@ -366,7 +367,8 @@ def main(
         "|---|---|---|---|---|---|",
     ]
     for name, count in zip(models.split(","), map(int, episodes.split(",")), strict=True):
-        found = np.array([simulate(CASES[name], seed) for seed in range(count)])
+        seeds = track(range(count), name, console=console)
+        found = np.array([simulate(CASES[name], seed) for seed in seeds])
         mean, error = found[:, 0].mean(), found[:, 0].std(ddof=1) / sqrt(count)
         steps, seconds = found[:, 1].mean(), found[:, 2].mean()
         line = (

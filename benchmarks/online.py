@@ -19,6 +19,7 @@ from typing import Annotated
 import numpy as np
 import typer
 from rich.console import Console
+from rich.progress import track
 
 from lcorpp.domains.shopping.interaction import make_model
 from lcorpp.files import make_folder, write_atomically
@@ -28,6 +29,14 @@ from lcorpp.values import Belief
 
 MAX_STEPS = 60
 """Longer dialogues end without a delivery."""
+
+
+PEERS = """\
+Others at 0.1 s a step, mean discounted return ± its standard error, on the same model as POMDPX: DESPOT (its
+authors' code; for POMDPX it has trivial bounds alone) earns -16.9 ± 0.3 for 5, 5, 5 (with 5,000 particles
+-16.4 ± 0.3) and -17.9 ± 0.2 for 8, 8, 8, in 300 dialogues each, 2026-12-01. pomdp-py 1.3.5.1 with exact beliefs
+and uniform rollouts, for 5, 5, 5 in 400 dialogues, 2026-11-30: POMCP -16.9 ± 0.4, POUCT -16.6 ± 0.5. All of
+them deliver at once."""
 
 
 def simulate(pomdp: Pomdp, act: Callable[[Belief], str], seed: int) -> tuple[float, int]:
@@ -75,7 +84,7 @@ def main(
         policy = SolverOptions("sarsop").make_planner(solution.policy, pomdp)
         online = SolverOptions("online", step_seconds=step_seconds).make_planner(solution.policy, pomdp)
         returns, steps, began = [], 0, monotonic()
-        for seed in range(dialogues):
+        for seed in track(range(dialogues), size, console=console):
             found, count = simulate(pomdp, online.action, seed)
             returns.append((found, simulate(pomdp, policy.action, seed)[0]))
             steps += count
@@ -93,6 +102,7 @@ def main(
         ]
         lines.append("| " + " | ".join(cells) + " |")
         console.print(lines[-1])
+    lines += ["", PEERS.replace("\n", " ")]
     make_folder(out.parent)
     write_atomically(out, "\n".join(lines) + "\n")
 
