@@ -35,8 +35,8 @@ PEERS = """\
 Others at 0.1 s a step, mean discounted return ± its standard error, on the same model as POMDPX: DESPOT (its
 authors' code; for POMDPX it has trivial bounds alone) earns -16.9 ± 0.3 for 5, 5, 5 (with 5,000 particles
 -16.4 ± 0.3) and -17.9 ± 0.2 for 8, 8, 8, in 300 dialogues each, 2026-12-01. pomdp-py 1.3.5.1 with exact
-beliefs and uniform rollouts, for 5, 5, 5 in 400 dialogues, 2026-11-30: POMCP -16.9 ± 0.4, POUCT -16.6 ± 0.5. All of
-them deliver at once."""
+beliefs and uniform rollouts, for 5, 5, 5 in 400 dialogues, 2026-11-30: POMCP -16.9 ± 0.4, POUCT -16.6 ± 0.5.
+All of them deliver at once."""
 
 
 def simulate(pomdp: Pomdp, act: Callable[[Belief], str], seed: int) -> tuple[float, int]:
