@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import threading
 
@@ -45,6 +46,90 @@ def test_a_run_decides_and_writes_a_log_that_can_be_replayed(lcorpp, config, tmp
     (line,) = log.read_text().splitlines()
     assert json.loads(line)["report"] == "interested"
     assert lcorpp("replay", log).code == 0
+
+
+SIMULATED = """
+from pathlib import Path
+from lcorpp.planning import read_pomdp
+
+class Simulated:
+    discount = 0.95
+
+    def __init__(self):
+        self.pomdp = read_pomdp(Path(__file__).parent / "interaction.pomdp")
+        self.actions, self.observations = self.pomdp.actions, self.pomdp.observations
+
+    def start(self, value, rng):
+        return self.pomdp.states.index(f"{value}_not_turned")
+
+    def shared(self, state):
+        name = self.pomdp.states[state]
+        return None if name == "term" else name.removesuffix("_turned").removesuffix("_not")
+
+    def step(self, state, action, rng):
+        a = self.actions.index(action)
+        after = draw(self.pomdp.transition.row(a, state), rng)
+        seen = draw(self.pomdp.observation.row(a, after), rng)
+        return after, self.observations[seen], float(self.pomdp.reward[a, state])
+
+    def likelihood(self, observation, state, action, after):
+        columns, values = self.pomdp.observation.row(self.actions.index(action), after)
+        return float(values[columns == self.observations.index(observation)].sum())
+
+
+def draw(row, rng):
+    columns, values = row
+    return int(rng.choice(columns, p=values))
+
+
+class Angles(Simulated):
+    def __init__(self):
+        super().__init__()
+        self.observations = None
+
+    def step(self, state, action, rng):
+        after = self.pomdp.states.index("term") if action.startswith("report") else state
+        return after, 1.5, 0.0
+
+    likelihood = lambda *_: 1.0
+"""
+
+
+@pytest.fixture
+def simulated(folder, config):  # noqa: F811
+    """Write the heard domain with a simulated model, and a robot.toml."""
+
+    def write(url="ws://127.0.0.1:9", kind="Simulated"):
+        own = folder / f"simulated_{kind}"
+        shutil.copytree(folder / "heard", own)
+        (own / "simulated.py").write_text(SIMULATED)
+        text = (own / "domain.toml").read_text()
+        begin, end = text.index("[planning]"), text.index("[planning.reports]")
+        planning = f'[planning]\nmodel = "simulated.py:{kind}"\nsimulations = 500\nparticles = 200\n'
+        text = text[:begin] + planning + text[end:]
+        begin, end = text.index("[planning.phrases]"), text.index("[simulation]")
+        if kind == "Angles":  # they have no names
+            text = text[:begin] + text[end:]
+        (own / "domain.toml").write_text(text)
+        return config(url, domain=f'domain = "{own.name}"')
+
+    return write
+
+
+def test_a_robot_decides_with_a_simulated_model(lcorpp, simulated, tmp_path):
+    robot, log = StandIn(), tmp_path / "robot.jsonl"
+    ended = lcorpp("robot", "--config", simulated(robot.url), "--decisions", 1, "--log", log)
+    robot.close()
+    assert ended.code == 0, ended.err
+    assert "person 7: interested" in ended.out
+    assert json.loads(log.read_text())["report"] == "interested"
+    assert "1 decisions, 0 differences" in lcorpp("replay", log).out
+
+
+def test_a_robot_needs_observations_with_names(lcorpp, simulated):
+    ended = lcorpp("check", simulated(kind="Angles"))
+    assert ended.code == 2
+    assert "observes numbers, and no answer of a person is one; expected observations with names" in ended.err
 
 
 def test_what_is_learnt_from_people_outlasts_a_run(lcorpp, config, tmp_path):

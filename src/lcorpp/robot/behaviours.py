@@ -10,6 +10,7 @@ from typing import Any
 from lcorpp.domains import Domain
 from lcorpp.domains.toml import TomlTable
 from lcorpp.errors import DomainError, LcorppError, WorldError, expected_one_of
+from lcorpp.planning import Pomdp
 from lcorpp.robot.config import AFTER
 from lcorpp.worlds.ros.connection import name_type
 from lcorpp.worlds.ros.ros_world import Behaviour
@@ -42,22 +43,22 @@ def read_behaviours(root: TomlTable, domain: Domain, silence: str, version: int)
     Raises:
         DomainError: a key or value is wrong, an action is missing, or an observation is impossible.
     """
-    table, pomdp, behaviours = root.section("actions", required=True), domain.pomdp, dict[str, Behaviour]()
+    table, model, behaviours = root.section("actions", required=True), domain.model, dict[str, Behaviour]()
     for name in table:
-        if name not in pomdp.actions:
+        if name not in model.actions:
             raise DomainError(
-                f"{table.location(name)}: {pomdp.file} has no such action; {expected_one_of(pomdp.actions)}"
+                f"{table.location(name)}: {model.file} has no such action; {expected_one_of(model.actions)}"
             )
-        own = read_behaviour(table.section(name), pomdp.observations, version)
+        own = read_behaviour(table.section(name), model.observations, version)
         if isinstance(own.skill, Watch):
             own = replace(own, skill=_complete_watch(table.section(name), own.skill, domain))
         behaviours[name] = own
-    for action in pomdp.actions:
+    for action in model.actions:
         if domain.reported_value(action) is None and action not in behaviours:
             raise DomainError(f"{table.location(action)}: missing; expected how to execute it")
     _check_possible(table, domain, behaviours, silence)
     if "after" in root:
-        behaviours[AFTER] = read_behaviour(root.section("after"), pomdp.observations, version)
+        behaviours[AFTER] = read_behaviour(root.section("after"), model.observations, version)
     return behaviours
 
 
@@ -67,11 +68,11 @@ def _complete_watch(table: TomlTable, skill: Watch, domain: Domain) -> Watch:
     if skill.sense not in known:
         raise DomainError(f"{table.location('sense')}: no sense {skill.sense!r}; {expected_one_of(known)}")
     label_of = domain.find_sense(skill.sense).label_of
-    unknown = [label for label in label_of.values() if label not in domain.pomdp.observations]
+    unknown = [label for label in label_of.values() if label not in domain.model.observations]
     if unknown:
         raise DomainError(
             f"{table.location('sense')}: {unknown[0]!r} is a label of {skill.sense}, and no observation of"
-            f" {domain.pomdp.file}; {expected_one_of(domain.pomdp.observations)}"
+            f" {domain.model.file}; {expected_one_of(domain.model.observations)}"
         )
     return replace(skill, label_of=label_of)
 
@@ -79,8 +80,13 @@ def _complete_watch(table: TomlTable, skill: Watch, domain: Domain) -> Watch:
 def _check_possible(
     table: TomlTable, domain: Domain, behaviours: Mapping[str, Behaviour], silence: str
 ) -> None:
-    """Check that silence and failures are possible observations in the planner's model."""
-    pomdp = domain.pomdp
+    """Check that silence and failures are possible observations in the planner's model.
+
+    What a simulated model observes is not known before it is simulated.
+    """
+    pomdp = domain.model
+    if not isinstance(pomdp, Pomdp):
+        return
     live = [s for s in range(len(pomdp.states)) if s not in domain.planning.terminal]
     for action, behaviour in behaviours.items():
         if domain.reported_value(action) is not None:

@@ -38,7 +38,7 @@ class MicrophoneListener:
         if not planning.utterances or planning.recogniser is None:
             missing = "recogniser" if planning.utterances else "[planning.utterances]"
             raise DomainError(f"{domain.folder}/domain.toml: no {missing}; `lcorpp observe` measures one")
-        confidence = read_confidence(planning.recogniser, FEATURES).keep(domain.pomdp.observations)
+        confidence = read_confidence(planning.recogniser, FEATURES).keep(domain.model.observations)
         self._listener = SpeechListener(Recogniser(planning.utterances), confidence, source)
 
     def clear(self) -> None:
@@ -67,4 +67,4 @@ def make_listener(config: AnswersConfig, domain: Domain, connection: RosConnecti
         return None
     topic, kind = config.topic
     subscription = connection.subscribe(topic, kind)
-    return TopicListener(subscription, kind, domain.pomdp.observations, config.utterances, FaultLog(topic))
+    return TopicListener(subscription, kind, domain.model.observations, config.utterances, FaultLog(topic))

@@ -285,7 +285,12 @@ def _read_own_trackers(table: TomlTable, domain: Domain) -> dict[str, TrackerCon
 
 
 def _read_answers(table: TomlTable, domain: Domain) -> AnswersConfig:
-    observations = domain.pomdp.observations
+    observations = domain.model.observations
+    if not observations:
+        raise DomainError(
+            f"{domain.model.file}: observes numbers, and no answer of a person is one; expected observations"
+            " with names"
+        )
     silence = table.text("silence", "none")
     if silence not in observations:
         raise DomainError(f"{table.location('silence')}: {silence!r}; {expected_one_of(observations)}")

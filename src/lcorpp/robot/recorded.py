@@ -30,7 +30,7 @@ def check_recordable(config: RobotConfig, domain: Domain) -> None:
         DomainError: an action is not to watch, people are not from frames, a sense has a tracker of its own,
             or a fact is not known from a bag.
     """
-    for action in [name for name in domain.pomdp.actions if domain.reported_value(name) is None]:
+    for action in [name for name in domain.model.actions if domain.reported_value(name) is None]:
         if not isinstance(config.behaviours[action].skill, Watch):
             raise DomainError(
                 f"{config.file}: [actions.{action}] is not of the skill watch; a bag has no answers to others"
