@@ -14,7 +14,6 @@ from lcorpp.values import Array, Indices, SharedValue
 Table = npt.NDArray[Any]
 """One row for each state: (N, D), or (N,) where a row is one number."""
 
-
 TOLERANCE = 1e-9
 """Largest relative error of rounding by which a lower bound may exceed the upper one."""
 
@@ -25,7 +24,6 @@ class VectorisedInteraction(Protocol):
     vectorised: True. actions: their names; the methods take their indices (N,). discount: gamma.
     observations: their names; the methods take and return their indices (N,). Without names, observations are
     numbers (N,), or tuples of K numbers (N, K).
-
     """
 
     vectorised: bool
@@ -92,11 +90,7 @@ class VectorBatch:
             return self._step(states, actions)
         after, rewards = states.copy(), np.zeros(len(states))
         if not alive.any():
-            return (
-                after,
-                self.repeat(self._model.observations[0] if self._model.observations else 0, len(after)),
-                rewards,
-            )
+            return after, np.zeros(len(states)), rewards
         after[alive], seen, rewards[alive] = self._step(states[alive], actions[alive])
         observations = np.zeros((len(states), *seen.shape[1:]), dtype=seen.dtype)
         observations[alive] = seen
@@ -130,7 +124,7 @@ class VectorBatch:
         """Return (N,) lower and (N,) upper bounds on the value of each state, 0 after the end."""
         alive = np.flatnonzero(self.group(states) >= 0)
         lower, upper = np.zeros(len(states)), np.zeros(len(states))
-        for name, bounds in (("lower", lower), ("upper", upper)):
+        for name, bounds in (("lower", lower), ("upper", upper)) if len(alive) else ():
             values = getattr(self._interaction, name)(_lock(states[alive]))
             self._check_numbers(f"{name}()", values, len(alive))
             bounds[alive] = values
