@@ -43,11 +43,6 @@ class ParticleNode:
         self.lower, self.upper, self.depth = lower, upper, depth
         self.branches: Branches | None = None
 
-    @property
-    def gap(self) -> float:
-        """What may be gained by a further search."""
-        return self.upper - self.lower
-
 
 @dataclass
 class Branches:
@@ -116,8 +111,7 @@ class BoundedParticleSearch:
         visits = np.zeros(self._batch.actions, dtype=np.intp)
         if (self._batch.group(belief.states) < 0).all():  # the decision is over
             return ActionValues(np.zeros(len(visits)), visits, 0, 0.0, np.zeros(len(visits)))
-        lower, upper = (float(belief.weights @ bound) for bound in self._batch.bounds(belief.states))
-        root = ParticleNode(belief.states, belief.weights, lower, upper, 0)
+        root = ParticleNode(belief.states, belief.weights, -inf, inf, 0)
         branches, before = self._expand(root), 0
         while before < self._expansions < expansions:  # a trial expands, or is the last
             before = self._expansions
