@@ -108,7 +108,9 @@ class VectorBatch:
     def repeat(self, observation: Any, count: int) -> Table:
         """Return an observation, as of `GenerativeModel.read_observation`, (count) times."""
         names = self._model.observations
-        row = np.array([names.index(observation)]) if names else np.array([observation], dtype=float)
+        row = np.array([names.index(observation) if names else observation])
+        if row.dtype == object:  # integers beyond 64 bits
+            row = row.astype(float)
         return np.repeat(row, count, axis=0)
 
     def group(self, states: Table) -> Indices:

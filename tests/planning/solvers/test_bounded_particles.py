@@ -285,6 +285,20 @@ def test_observations_of_another_form_are_refused(text, width, expected):
         planner.update(planner.start, "listen", text)
 
 
+def test_integers_as_observations_remain_integers():
+    class Indexed(NoisyDoor):
+        observations = None
+
+        def likelihood(self, observations, states, actions, after):
+            table = np.array([[0.8, 0.2], [0.2, 0.8]])
+            return np.where(actions == 0, table[states[:, 0], observations], observations == 0)
+
+    planner = GenerativePlanner(GenerativeModel(Indexed(), ("left", "right")), SearchOptions(expansions=5))
+    belief = planner.update(planner.start, "listen", "1")
+    assert belief[1] == pytest.approx(0.8, abs=1e-12)
+    assert planner.action(belief) != "open_left"  # which is wrong with probability .8
+
+
 def test_steps_cannot_change_the_particles_of_a_belief():
     class Rewriting(NoisyDoor):
         def step(self, states, actions, rng):
